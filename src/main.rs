@@ -1,7 +1,7 @@
 //! The motorbench firmware for the Arduino Uno.
 //!
-//! What runs where: the encoder's edges and the current's samples in short interrupt handlers, the control loop in the
-//! timer's (`board::tick`), and here, in the main loop, the talking: console, telemetry, settings. The wiring is in
+//! Short interrupt handlers take the encoder's edges and the current's samples. The timer's handler runs the control loop
+//! (`board::tick`). The main loop, here, has console, telemetry and settings. The wiring is in
 //! `motorbench_board::pins`, the commands are listed by `help` on the console (500,000 baud). Built for the host, this
 //! program prints the pin map, the commands and the settings.
 #![cfg_attr(target_arch = "avr", no_std, no_main, feature(abi_avr_interrupt, asm_experimental_arch))]

@@ -1,8 +1,8 @@
 //! One tick of the control loop: measure, watch, follow the reference, control, compensate, drive.
 //!
 //! The same [`ControlLoop::tick`] runs in the Uno's timer interrupt and in every simulation on the host. It sees the
-//! hardware only as [`Inputs`] and acts on it only through [`Drive`], so the same inputs give the same outputs, bit for
-//! bit, wherever it runs.
+//! hardware only as [`Inputs`] and acts on it only through [`Drive`]. So the same inputs give the same outputs everywhere,
+//! bit for bit.
 
 use crate::HARDWARE;
 use crate::arith::{call_saturate_i16, mul_i16_u16, mul_u16, saturate_i16, saturating_add_i16, saturating_sub_i16};

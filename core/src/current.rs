@@ -4,9 +4,9 @@
 //! sensor's own noise (about one ADC step) dithers the conversions, so the eighths are real. Conversion:
 //! `current = (sum - zero) gain`, exact to one bit (0.24 mA) and the rounding of the gain (0.02 %).
 //!
-//! The zero is the mean of 256 sums at rest, kept to a quarter of a step of the sum (0.8 mA). It is refused, and the old one kept,
-//! when it lies farther than 0.25 V from the middle of the range or when the sums spread over more than 0.1 V: then
-//! something drives a current, or the sensor is not there.
+//! The zero is the mean of 256 sums at rest, kept to a quarter of a step of the sum (0.8 mA). A zero farther than 0.25 V
+//! from the middle of the range is refused, and so is one whose sums spread over more than 0.1 V. Then something drives a
+//! current, or the sensor is not there; the old zero stays.
 
 use crate::arith::{mul_i16, saturate_i16};
 use crate::converter::{self, BLOCK};

@@ -9,14 +9,14 @@
 //!
 //! ## Time stamps
 //! Each edge is stamped with Timer0 (64 cycles a count) and Timer2 (1 cycle a count), one byte each. The two overlap
-//! in two bits, so together they give the time to one cycle (62.5 ns) within 16,384 cycles, and a misalignment of the
-//! two timers of up to 95 cycles does not matter.
+//! in two bits. Together they give the time to one cycle (62.5 ns) within 16,384 cycles. The two timers may be misaligned
+//! by up to 95 cycles.
 //!
 //! ## Speed
-//! At every tick with edges: the distance between the last edge now and the last edge known before, divided by the
-//! time between the two. An edge up to count n stands at n - 1/2, an edge down to n at n + 1/2, so turning back over
-//! one edge is a distance of zero and reversal needs no special case. At a tick without edges the speed can be at most
-//! one count over the time since the last edge, and the estimate falls with that bound; after 1.05 s it is zero.
+//! At every tick with edges it is the distance from the last edge known before to the last edge now, divided by the time
+//! between the two. An edge up to count n stands at n - 1/2, an edge down to n at n + 1/2. So turning back over one edge is
+//! a distance of zero, and reversal needs no special case. At a tick without edges the speed is at most one count over the
+//! time since the last edge. The estimate falls with that bound, and after 1.05 s it is zero.
 //!
 //! | speed | edges a tick | resolution | lag |
 //! |---|---|---|---|
@@ -134,8 +134,8 @@ impl SpeedConfig {
 pub struct Proof {
     /// Edges have come in this tick.
     pub came: bool,
-    /// Count, modulo 256, at which the shaft was last seen to move: by more than two counts, because a line alone goes to
-    /// and fro by one, whatever the shaft does.
+    /// Count, modulo 256, at which the shaft was last seen to move. A motion is more than two counts, because a faulty line
+    /// alone goes to and fro by one.
     pub place: u8,
     /// Illegal transitions, modulo 256.
     pub illegal: u8,
@@ -170,8 +170,8 @@ struct Cycles {
 
 /// After this long (1.05 s) without an edge the shaft stands still.
 const LONGEST: Cycles = Cycles { low: 0, high: 0xff };
-/// An edge may come between the tick's instant and its handler, which must therefore take the edges within 256 cycles,
-/// less the misalignment of the timers. Times since an edge are kept with this much more, so that none is negative.
+/// An edge may come between the tick's instant and its handler. So the handler must take the edges within 256 cycles, less
+/// the misalignment of the timers. Times since an edge are kept with this much more, so that none is negative.
 const LATE: u16 = 256;
 
 impl Cycles {
@@ -469,8 +469,8 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(24))]
 
-        /// Speed at every tick with edges: within one bit and 1.5e-4 of the quotient of exact distances and times,
-        /// through reversal, whatever the timers' skew and the handler's latency.
+        /// At every tick with edges the speed is within one bit and 1.5e-4 of the quotient of exact distances and times.
+        /// That holds through reversal, and for any skew of the timers and latency of the handler.
         #[test]
         fn speed_is_distance_over_time(
             counts in 48f32..8000.0, top in 0.02f64..90.0, period in 0.01f64..0.2, skew in -90i64..90, latency in 0i64..160,

@@ -1,8 +1,8 @@
 //! Excitation signals, played at the control rate with exact timing, repeatable from a seed.
 //!
 //! Every signal is `offset` plus a deviation within +-`amplitude`, in bits of the reference of the present mode (voltage,
-//! speed, or counts). `period` is in ticks. Periods and segments (holds, steps, stairs or bits) are counted in 16 bits: a
-//! sequence that needs more is refused, and so is a chirp that would be faster than ticks can show, see [`Excess`].
+//! speed, or counts). `period` is in ticks. Periods and segments (holds, steps, stairs or bits) are counted in 16 bits. A
+//! sequence that needs more is refused, and so is a chirp that is too fast for the ticks: [`Excess`].
 //!
 //! | kind | signal | length in ticks |
 //! |---|---|---|
@@ -179,8 +179,8 @@ pub struct Play {
     pub done: bool,
 }
 
-/// A stage of [`Kind::Identify`]: a kind, how often the amplitude and the period are halved (or the period doubled,
-/// negative), and how many segments of it are played.
+/// A stage of [`Kind::Identify`]: a kind, how often its amplitude and period are halved, and how many segments are played.
+/// A negative number doubles the period.
 #[derive(Clone, Copy)]
 struct Stage {
     kind: Kind,

@@ -1,9 +1,9 @@
 //! Texts that stay in flash: the Uno would copy every string literal into its RAM, and they would fill it.
 //!
-//! All texts of the program are one array of bytes, each ended by a zero, and packed when the program is compiled: the
-//! printable characters move down to 1..=95, and as long as it saves something, the most frequent pair of bytes becomes
-//! one byte from 96 up, which stands for the pair (byte pair encoding). A text is found by counting zeros, which takes up
-//! to a millisecond and no RAM.
+//! All texts of the program are one array of bytes, each ended by a zero. They are packed when the program is compiled
+//! (byte pair encoding). The printable characters move down to 1..=95. Then the most frequent pair of bytes becomes one
+//! byte from 96 up, again and again, as long as that saves something. A text is found by counting zeros, which takes up to
+//! a millisecond and no RAM.
 
 use crate::{console, settings};
 use avr_progmem::progmem;

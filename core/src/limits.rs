@@ -1,8 +1,8 @@
 //! What the voltage may be in this tick, and the integral that knows it.
 //!
 //! Every limit (saturation, slew, folding back on over-current, room for the compensation) is an interval of voltage
-//! made before the controller runs. The controller closes its law in `Integral::close`, which clamps to the interval
-//! and feeds back what was cut off, so one anti-windup works with every limit:
+//! made before the controller runs. The controller closes its law in `Integral::close`. That clamps to the interval and
+//! feeds back what was cut off, so one anti-windup works with every limit:
 //!
 //! ```text
 //! v(k) = rest(k) + I(k)            u(k) = clamp(v(k), low, high)
@@ -57,8 +57,8 @@ impl LimitsConfig {
 
     /// The interval around `previous`, within `low..=high` of the saturation, at the measured `current`.
     ///
-    /// Above the current limit the end that drives the current moves back by 1 V for each ampere too much and tick,
-    /// and it does so whatever the slew limit says.
+    /// Above the current limit the end that drives the current moves back, each tick by 1 V for each ampere too much. The
+    /// slew limit does not hold it.
     #[inline(always)]
     pub fn around(&self, previous: i16, current: i16, low: i16, high: i16) -> (i16, i16) {
         let (lowest, highest) = (low, high);

@@ -110,8 +110,8 @@ impl Trip {
     }
 }
 
-/// What the main loop asks of the tick; taken whole at one tick boundary. Its layout is settled, so that a simulation
-/// can read it from the chip's memory: one byte of number, in the order below, then the content.
+/// What the main loop asks of the tick, taken whole at one tick boundary. A simulation reads it from the chip's memory, so
+/// its layout is fixed: one byte of number, in the order below, then the content.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Request {

@@ -4,11 +4,11 @@
 //! e(k) = (u(k-1) - k w(k)) / R            what the current is on the way to
 //! i(k) = i(k-1) + a (e(k) - i(k-1))       a = T / (winding_time + T)
 //! ```
-//! `u` is the voltage of the tick before, `w` the mean speed since. It is the Kalman filter of a motor of whose load nothing
-//! is known: the speed then says nothing of the current but its back-EMF, and the correction vanishes. A voltage that is not
-//! the motor's (a bridge's drop without its compensation) is an error of drop over resistance. With
-//! `winding_time = T / (exp(T R / L) - 1)` the filter is the winding's own; against the recurrence in real numbers the
-//! current is within 3 bits (0.7 mA) and the rounding of `torque_constant` and `resistance`.
+//! `u` is the voltage of the tick before, `w` the mean speed since. This is the Kalman filter of a motor whose load is not
+//! known: the speed then tells the back-EMF and nothing else of the current, so the correction vanishes. A bridge's drop
+//! without its compensation is an error of drop over resistance. With `winding_time = T / (exp(T R / L) - 1)` the filter is
+//! the winding's own. Against the recurrence in real numbers the current is within 3 bits (0.7 mA) and the rounding of
+//! `torque_constant` and `resistance`.
 
 use crate::arith::{call_mul_i16, saturate_shift_8};
 use crate::low_pass::{LowPassConfig, LowPassState};
@@ -44,8 +44,8 @@ impl ObserverConfig {
 pub struct ObserverState(LowPassState);
 
 impl ObserverState {
-    /// One tick: the voltage since the last, the mean speed since then, and what the sensor says, which is the answer where
-    /// the observer is not used; everything in bits.
+    /// One tick: the voltage since the last tick, the mean speed since then, and the reading of the sensor, in bits. Where
+    /// the observer is not used, the answer is that reading.
     #[inline(never)]
     pub fn step(&mut self, config: &ObserverConfig, voltage: i16, speed: i16, measured: i16) -> i16 {
         if !config.winding.is_on() {

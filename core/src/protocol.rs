@@ -10,8 +10,8 @@
 //! | n | payload |
 //! | 2 | CRC-16/XMODEM of all before |
 //!
-//! A sample's payload is [`SAMPLE_COLUMNS`]; a text's is up to 32 characters of what would otherwise stand on the line
-//! as it is. [`StreamDecoder`] reads the stream and resynchronises at the next zero byte after any damage.
+//! A sample's payload is [`SAMPLE_COLUMNS`]. A text's payload is up to 32 characters of what the console says.
+//! [`StreamDecoder`] reads the stream, and resynchronises at the next zero byte after any damage.
 
 use crate::crc16::Crc16;
 use crate::message::{Sample, State, Trip};
@@ -138,8 +138,8 @@ pub struct StreamDecoder {
     length: usize,
     expected: Option<u8>,
     gap: Gap,
-    /// Frames that never came: by their sequence numbers, and where so many are missing in a row that these begin anew, by the
-    /// ticks of the samples around them.
+    /// Frames that never came, by their sequence numbers. Where so many are missing in a row that these begin anew, the
+    /// ticks of the samples around them count.
     pub lost: u32,
     /// Of them those that came damaged. Pieces of one frame count once when the next sample is there.
     pub damaged: u32,
@@ -148,8 +148,8 @@ pub struct StreamDecoder {
 /// What came since the last sample.
 #[derive(Clone, Copy, Debug, Default)]
 struct Gap {
-    /// When that was, where it is one of a sequence: while one plays nothing holds samples up, which are then not numbered, as a
-    /// listing of the settings does for 390 ticks.
+    /// When that was, if the sample is one of a sequence that plays. At other times a listing of the settings holds samples
+    /// up for 390 ticks, and these have no sequence numbers.
     tick: Option<u32>,
     lost: u32,
     damaged: u32,
@@ -159,8 +159,8 @@ struct Gap {
 const NUMBERS: u32 = 256;
 
 impl Gap {
-    /// Frames that the sequence numbers do not show, when a sample of this tick ends it: rounds of them, as near to the ticks
-    /// as can be. Without another sign of a loss the ticks between are those of a divider.
+    /// Frames that the sequence numbers do not show, when a sample of this tick ends the gap. They are whole rounds of
+    /// numbers, as near to the ticks as can be. Without another sign of a loss the ticks between are those of a divider.
     fn hidden(&self, tick: u32) -> u32 {
         let missing = self.tick.and_then(|last| tick.checked_sub(last)).map_or(0, |ticks| ticks.saturating_sub(1));
         match (self.lost, self.damaged) {

@@ -1,7 +1,7 @@
 //! Settings in EEPROM: versioned, checksummed, two slots.
 //!
-//! A save writes the slot that does not hold the newest set: first its mark is made invalid, then the values, last
-//! mark, number and CRC. Whenever the power goes, one slot is whole. Bytes that already stand there are not written
+//! A save writes the slot that does not hold the newest set. First it makes the slot's mark invalid, then it writes the
+//! values, and last mark, number and CRC. Whenever the power goes, one slot is whole. Bytes that already stand there are not written
 //! again. A slot, little-endian:
 //!
 //! | bytes | content |
@@ -14,8 +14,8 @@
 use crate::crc16::Crc16;
 use crate::settings::{self, Param, Settings};
 
-/// Changes with every name, unit and format in the list of settings, so that what was saved under another list is not
-/// taken for this one: a checksum of them. Another text of help, range or default leaves it as it is.
+/// A checksum of every name, unit and format in the list of settings. Settings that were saved under another list are not
+/// loaded. Another text of help, range or default leaves it as it is.
 pub const VERSION: u16 = Crc16::of(settings::MEANING.as_bytes());
 /// The first byte of a slot.
 const MARK: u8 = VERSION as u8;

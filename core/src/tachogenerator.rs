@@ -1,8 +1,8 @@
 //! Tachogenerator on the ADC: `tacho_gain` V per 1000 rpm, halved by a divider, 5 % ripple at commutation frequency.
 //!
 //! The ADC sees a magnitude; the sign is the drive's. A motor driven the other way still turns the old way until it
-//! has come through standstill, so the sign follows the voltage only while the magnitude is below [`NEAR_ZERO`] ADC
-//! steps, and keeps its value otherwise. Resolution: one ADC step (3.3 rpm at 3 V per 1000 rpm) before the filter. The
+//! has come through standstill. So the sign follows the voltage only while the magnitude is below [`NEAR_ZERO`] ADC
+//! steps. Otherwise it keeps its value. Resolution: one ADC step (3.3 rpm at 3 V per 1000 rpm) before the filter. The
 //! ripple is the filter's business: `speed_filter`.
 
 use crate::arith::{call_saturate_i16, mul_u16};
@@ -11,8 +11,8 @@ use crate::quantiser::Quantiser;
 use crate::settings::{BuildError, Param, Settings};
 use crate::units::{FULL_RANGE, VOLT};
 
-/// ADC steps (24 mV before the divider: 8 rpm at 3 V per 1000 rpm) below which the direction may turn,
-/// and which are no motion: a converter's offset must not hide a stall.
+/// ADC steps (24 mV before the divider: 8 rpm at 3 V per 1000 rpm) below which the direction may turn. Fewer are no
+/// motion either, since a converter's offset must not hide a stall.
 pub const NEAR_ZERO: u16 = 5;
 /// Least voltage whose sign counts, in volts.
 pub const LEAST_VOLTAGE_V: f32 = 0.25;

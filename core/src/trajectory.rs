@@ -1,16 +1,16 @@
 //! Reference profiles: ramps and S-curves for speed, trapezoids and S-curves for position.
 //!
 //! Both are built on one integer recurrence, `Ramp`: a value moves toward its target by a rate that changes by one
-//! `step` a tick at most and never exceeds `limit`. Because the rate is always a whole number of steps, the way needed
-//! to bring it to zero is a sum that grows and shrinks with it: no square root, no division, exact arrival, and no
-//! overshoot, also when the target changes in the middle of a move.
+//! `step` a tick at most and never exceeds `limit`. The rate is always a whole number of steps. So the way that it needs
+//! to come to zero is a sum, which grows and shrinks with the rate. That needs no square root and no division. The value
+//! arrives exactly, without overshoot, also when the target changes in the middle of a move.
 //!
-//! * Speed: the value is the speed, the rate its acceleration, the step the jerk: an S-curve. With `jerk_time` zero the
-//!   step is the whole acceleration: a ramp. Against exact time the move is at most `4 + jerk ticks` ticks longer.
-//!   The last tick of a move takes what is left, less than one step.
-//! * Position: the value is the position, the rate its speed, the step the acceleration: a trapezoid. `jerk_time` then
-//!   averages it over that time (rounded up to a power of two of ticks): position minus the same profile so many ticks
-//!   later, summed up; the later copy is computed, not stored.
+//! * Speed: the value is the speed, the rate its acceleration, and the step the jerk. That is an S-curve. With
+//!   `jerk_time` zero the step is the whole acceleration, which is a ramp. A move is at most `4 + jerk ticks` ticks longer
+//!   than in exact arithmetic. Its last tick takes what is left, less than one step.
+//! * Position: the value is the position, the rate its speed, and the step the acceleration. That is a trapezoid.
+//!   `jerk_time` averages it over that time, rounded up to a power of two of ticks. The average is a sum of the position
+//!   minus the same profile so many ticks later. The later copy is computed, not stored.
 //!
 //! Formats: speed bits with 14 fractional bits; counts with 12. Steps are rounded down: limits are never exceeded.
 
@@ -376,8 +376,8 @@ mod tests {
     }
 
     proptest! {
-        /// Speed: arrives exactly, in the time of the exact S-curve, never past a target it can still reach, with
-        /// acceleration and jerk within their limits at every tick, whatever targets come in between.
+        /// A speed arrives exactly, in the time of the exact S-curve, and never passes a target that it can still reach.
+        /// Acceleration and jerk stay within their limits at every tick, whatever targets come in between.
         #[test]
         fn speed_profile(
             acceleration in 20f32..50_000.0, jerk_ms in prop_oneof![Just(0.0f32), 1f32..255.0],

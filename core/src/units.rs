@@ -12,9 +12,9 @@
 //! | integral gains | [`IntegralGain`] | 2^-16 output bits per input bit and tick | +-0.25 |
 //! | filter and tracking fractions | [`Fraction`] | 2^-16 per tick | 0..1 |
 //!
-//! Speed and position are in per unit of a range that belongs to the rig, because motors differ by decades: a geared
-//! motor at 10 rad/s then keeps as many bits as a bare one at 1000 rad/s. The ranges are powers of two, so converting
-//! them costs no accuracy. Everything saturates at the ends of its range and never wraps.
+//! Speed and position are in per unit of a range that belongs to the rig, because motors differ by decades. So a geared
+//! motor at 10 rad/s has as many bits as a bare one at 1000 rad/s. The ranges are powers of two, so converting them costs
+//! no accuracy. Everything saturates at the ends of its range and never wraps.
 
 use fixed::types::extra::{U10, U12, U15, U16};
 use fixed::{FixedI16, FixedU16};
@@ -34,8 +34,8 @@ pub type IntegralGain = FixedI16<U16>;
 /// A part of one, per tick: filters, anti-windup tracking.
 pub type Fraction = FixedU16<U16>;
 
-/// Largest magnitude of the bits of a [`Gain`] or [`IntegralGain`]: three products of such a gain with any signal still fit 32 bits, so the sums
-/// of the controllers need no overflow checks.
+/// Largest magnitude of the bits of a [`Gain`] or [`IntegralGain`]. Three products of such a gain with any signal still
+/// fit 32 bits, so the sums of the controllers need no overflow checks.
 pub const GAIN_LIMIT: i16 = 1 << 14;
 
 /// Bits of one volt.

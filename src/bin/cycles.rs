@@ -1,6 +1,6 @@
-//! What the control core costs on the chip: each block between two marks in GPIOR0, inputs and outputs through
-//! volatile memory, so that nothing is moved out of the marks or computed beforehand. Run by the benchmark on the
-//! simulated chip; the marks themselves cost one cycle.
+//! What the control core costs on the chip. Each block lies between two marks in GPIOR0. Inputs and outputs go through
+//! volatile memory, so that the compiler moves nothing out of the marks and computes nothing beforehand. The benchmark runs
+//! it on the simulated chip; the marks themselves cost one cycle.
 #![cfg_attr(target_arch = "avr", no_std, no_main, feature(asm_experimental_arch))]
 
 #[cfg(target_arch = "avr")]

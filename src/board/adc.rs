@@ -1,9 +1,10 @@
 //! ADC: one conversion every second PWM period, always at the same instant of the period.
 //!
-//! Timer1's compare B triggers; sample and hold follows two ADC clocks (128 cycles) and the synchronisation later, at
-//! [`motorbench_core::HARDWARE.current_sampling_step`]: the end of the off phase, where nothing has switched lately unless the duty is above 96 %. A
-//! conversion takes 13.5 ADC clocks of 4 us, longer than one period, so the handler arms the trigger for the period
-//! after. Ten slots make one millisecond, a round that begins with a tick: 4 x current, tachogenerator, 4 x current, supply.
+//! Timer1's compare B triggers. Sample and hold follows two ADC clocks (128 cycles) and the synchronisation later, at
+//! [`motorbench_core::HARDWARE.current_sampling_step`]. That is the end of the off phase, where nothing has switched lately
+//! unless the duty is above 96 %. A conversion takes 13.5 ADC clocks of 4 us, longer than one period, so the handler arms
+//! the trigger for the period after. Ten slots make one millisecond, a round that begins with a tick: 4 x current,
+//! tachogenerator, 4 x current, supply.
 
 use avr_device::atmega328p::Peripherals;
 use avr_device::interrupt::CriticalSection;

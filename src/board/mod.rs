@@ -1,11 +1,10 @@
-//! The Uno's registers: the only place that touches hardware. Elsewhere `unsafe` stands, with its reason, for what the language
-//! cannot say or what would not fit: products in assembler, tables and texts read out of flash, states that are all zeros, numbers
-//! that are an enum's, sections for the linker.
+//! The Uno's registers: the only place that touches hardware. `unsafe` elsewhere has its reason beside it. It stands for
+//! what the language cannot say or what would not fit. These are products in assembler, tables and texts read out of flash,
+//! states that are all zeros, numbers that are an enum's, and sections for the linker.
 //!
-//! Interrupts and who waits for whom: the handler of [`encoder`] is served first and nothing else may keep
-//! interrupts off for longer than 100 cycles, so that at 100,000 edges/s no edge is lost. The tick therefore takes its
-//! inputs with interrupts off and computes with interrupts on; the main loop never turns interrupts off for longer than
-//! a few loads and stores.
+//! The handler of [`encoder`] is served first. Nothing else may keep interrupts off for longer than 100 cycles, so that no
+//! edge is lost at 100,000 edges/s. The tick therefore takes its inputs with interrupts off and computes with interrupts
+//! on. The main loop never turns interrupts off for longer than a few loads and stores.
 
 pub mod adc;
 pub mod bridge;
@@ -34,9 +33,9 @@ pub fn start(peripherals: &Peripherals) {
 
 /// The registers, for interrupt handlers.
 pub fn registers() -> Peripherals {
-    // SAFETY: which register belongs to whom is settled in this module; handlers and main loop share none that is
-    // written by read, change, write in both, but PORTD, PORTB and TCCR1A, which only the tick writes after the start.
-    // The structure has no content; `Peripherals::steal` would note each time that it was given away, in every handler.
+    // SAFETY: this module settles which register belongs to whom. Handlers and main loop share no register that both
+    // read, change and write. The exceptions are PORTD, PORTB and TCCR1A, which only the tick writes after the start.
+    // The structure has no content. `Peripherals::steal` would note in every handler that it was given away.
     unsafe { core::mem::transmute::<(), Peripherals>(()) }
 }
 

@@ -1,8 +1,8 @@
 //! The control tick: Timer0's compare A, every 250 counts of 64 cycles (125 at 2 kHz), without drift.
 //!
 //! The handler takes its inputs with interrupts off (the encoder waits), then lets them on and computes. Tick and main
-//! loop share the control loop by turns: the main loop touches it only right after a tick, with the tick's interrupt
-//! held back for a few microseconds.
+//! loop share the control loop by turns. The main loop touches it only right after a tick, and holds the tick's interrupt
+//! back for a few microseconds.
 
 #![expect(
     clippy::deref_addrof,
@@ -115,12 +115,12 @@ pub fn start(p: &Peripherals) {
     p.TC0.ocr0a().write(|w| unsafe { w.bits(p.TC0.tcnt0().read().bits().wrapping_add(250)) });
 }
 
-/// Counts of Timer0 from the beginning of a period of the PWM to a tick: periods, conversions and ticks stand to each
-/// other as a recording's rig file says.
+/// Counts of Timer0 from the beginning of a period of the PWM to a tick. The rig file of a recording relies on it: it says
+/// how periods, conversions and ticks lie in time.
 const PERIOD_AHEAD: u8 = 7;
 
-/// Lets the tick run, and with it PWM and sampling, however long the start has taken: the PWM begins a fixed time before a
-/// tick is due, a round of conversions when it is, so that each tick finds those of the millisecond before it.
+/// Lets the tick run, and with it PWM and sampling. However long the start has taken, the PWM begins a fixed time before a
+/// tick is due, and a round of conversions when it is. So each tick finds the conversions of the millisecond before it.
 pub fn run(p: &Peripherals) {
     let count = || p.TC0.tcnt0().read().bits();
     let ahead = p.TC0.ocr0a().read().bits().wrapping_sub(PERIOD_AHEAD);

@@ -9,6 +9,11 @@
 
 mod line;
 pub mod number;
+#[cfg(not(target_arch = "avr"))]
+mod reference;
+
+#[cfg(not(target_arch = "avr"))]
+pub use reference::{explanation, reference};
 
 use crate::HARDWARE;
 use crate::arith::whole;
@@ -41,8 +46,8 @@ pub trait Machine {
     fn send(&mut self, byte: u8);
     /// The host has said something valid.
     fn host_spoke(&mut self);
-    /// Looks whether the host goes on talking, though nobody reads it: asked between the lines of a reply, which may last
-    /// for longer than the host may be silent.
+    /// Notes whether the host goes on talking, without reading it. The console asks for it between the lines of a reply,
+    /// which may last longer than the host may be silent.
     fn listen(&mut self);
 }
 
@@ -113,8 +118,8 @@ macro_rules! commands {
     };
 }
 
-/// What arguments a command takes, in one byte of flash: how many at least (0..=7), how many at most (0..=15), and in
-/// bit 7 whether the first is one of a choice of words.
+/// The arguments of a command, in one byte of flash: how many at least (0..=7), and how many at most (0..=15). Bit 7 is set
+/// if the first is one of a choice of words.
 #[derive(Clone, Copy)]
 struct Form(u8);
 
@@ -156,9 +161,10 @@ impl Form {
     }
 }
 
-// Found one after the other, so those that steer a running motor come first: they must not hold up the telemetry.
-// What a command takes, as its form is made of it: words in lower case are the choice of the first argument, words in
-// capitals are values, those in brackets may be left out, and `...` goes on for as long as the line does.
+// A command is searched for in this order. Those that steer a running motor come first: they must not hold up the
+// telemetry. The second text gives the arguments, and the command's form is made of it. Words in lower case are the choice
+// of the first argument, and words in capitals are values. Those in brackets may be left out, and `...` goes on to the end
+// of the line.
 commands! {
     Reference "ref" "VALUE" "V -32..32 (open), rad/s within speed_range (speed), rad (position)";
     Mode "mode" "off|open|speed|position|lqr_speed|lqr_position" "who sets the voltage";
@@ -854,58 +860,5 @@ fn bits_per_unit(mode: Mode, settings: &Settings) -> f32 {
         settings.get(Param::CountsPerRev) * (1.0 / core::f32::consts::TAU)
     } else {
         VOLT
-    }
-}
-
-/// What a line of `help` or `show` is about, in one line, by the word it begins with: the chip has no room for it.
-#[cfg(not(target_arch = "avr"))]
-pub fn explanation(word: &str) -> Option<&'static str> {
-    let command = flash_text::find(Table::Commands, COMMAND_COUNT, word.as_bytes());
-    command.map(|index| COMMAND_HELP[index as usize]).or_else(|| settings::find(word.as_bytes()).map(settings::help))
-}
-
-/// Commands and settings as one text, for the host.
-#[cfg(not(target_arch = "avr"))]
-pub fn reference() -> impl core::fmt::Display {
-    Reference
-}
-
-#[cfg(not(target_arch = "avr"))]
-struct Reference;
-
-/// The bar would end a cell of the table.
-#[cfg(not(target_arch = "avr"))]
-fn within_a_cell(byte: u8) -> u8 {
-    if byte == b'|' { b'/' } else { byte }
-}
-
-#[cfg(not(target_arch = "avr"))]
-impl core::fmt::Display for Reference {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        use core::fmt::Write;
-        fn put(f: &mut core::fmt::Formatter<'_>, text: impl Iterator<Item = u8>) -> core::fmt::Result {
-            text.map(char::from).try_for_each(|character| f.write_char(character))
-        }
-        writeln!(f, "| command | arguments | what it does |\n|---|---|---|")?;
-        for index in 0..COMMAND_COUNT {
-            for part in 0..COMMAND_TEXTS {
-                write!(f, "| ")?;
-                put(f, FlashText::of(Table::Commands, index * COMMAND_TEXTS + part).map(within_a_cell))?;
-                write!(f, " ")?;
-            }
-            write!(f, "| {} ", COMMAND_HELP[index as usize])?;
-            writeln!(f, "|")?;
-        }
-        writeln!(f, "\n| setting | unit | default | range | what it is |\n|---|---|---|---|---|")?;
-        let defaults = Settings::defaults();
-        for &param in Param::ALL {
-            let (min, max) = param.range();
-            write!(f, "| ")?;
-            put(f, settings::text(param, settings::Text::Name))?;
-            write!(f, " | ")?;
-            put(f, settings::text(param, settings::Text::Unit).map(within_a_cell))?;
-            writeln!(f, " | {} | {min}..{max} | {} |", defaults.get(param), settings::help(param))?;
-        }
-        Ok(())
     }
 }

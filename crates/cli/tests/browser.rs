@@ -44,6 +44,18 @@ const LOOK: &str = r"document.querySelectorAll('details').forEach(part => part.o
     parted: [...document.querySelectorAll('p:has(+svg)')].filter(caption => getComputedStyle(caption).breakAfter != 'avoid')
         .map(caption => caption.innerText)
         .concat([...document.querySelectorAll('figure')].filter(figure => getComputedStyle(figure).breakInside != 'avoid').map(figure => figure.innerText)),
+    proofs: [...document.querySelectorAll('.proof')].map(proof => ({
+        effect: proof.dataset.effect,
+        text: proof.innerText,
+        numbers: proof.querySelector('figure.plot script')?.textContent ?? null,
+        drawn: [...proof.querySelectorAll('svg, .live, .bar')].filter(drawing => drawing.getBoundingClientRect().height > 10).length,
+    })),
+    colours: [...document.querySelectorAll('figure.plot script')]
+        .flatMap(numbers => JSON.parse(numbers.textContent).series.map(line => [line.name, line.colour])),
+    drawings: [...document.querySelectorAll('figure.plot')].map(figure =>
+        [...figure.querySelectorAll(':scope > svg, :scope > .live')].filter(drawing => drawing.getBoundingClientRect().height > 0).length),
+    split: [...document.querySelectorAll('table, pre')].filter(table => !table.closest('.live') && getComputedStyle(table).breakInside != 'avoid')
+        .map(table => table.innerText.slice(0, 60)),
     live: document.querySelectorAll('figure.is-live').length,
     dead: [...document.querySelectorAll('figure.plot:has(script)')].filter(figure => figure.clientWidth && !figure.classList.contains('is-live')).length,
     plots: [...document.querySelectorAll('svg:not(.ratio)')].filter(svg => svg.getBoundingClientRect().width).map(svg => {
@@ -78,11 +90,88 @@ struct Seen {
     broken: Vec<String>,
     /// Captions that may be printed on another sheet than their plot.
     parted: Vec<String>,
+    /// What proves each cause.
+    proofs: Vec<Proof>,
+    /// Names and colours of all lines.
+    colours: Vec<(String, String)>,
+    /// Drawings of each plot that are seen.
+    drawings: Vec<usize>,
+    /// Tables that may be printed on two sheets.
+    split: Vec<String>,
     /// Plots that can be zoomed, and those that should be and cannot.
     live: usize,
     dead: usize,
     plots: Vec<Plot>,
 }
+
+/// The plot of a cause, and what is written below it.
+#[derive(Deserialize)]
+struct Proof {
+    effect: String,
+    text: String,
+    /// What is plotted: the law, and the measured lack with its deviations.
+    numbers: Option<String>,
+    /// Drawings that can be seen.
+    drawn: usize,
+}
+
+/// What a plot has beside its drawing.
+#[derive(Deserialize)]
+struct Numbers {
+    series: Vec<Series>,
+}
+
+#[derive(Deserialize)]
+struct Series {
+    name: String,
+    #[serde(default)]
+    x: Vec<f64>,
+    y: Vec<f64>,
+    #[serde(default)]
+    deviations: Vec<f64>,
+}
+
+impl Series {
+    /// Its value between two of its points.
+    fn at(&self, x: f64) -> f64 {
+        let after = self.x.partition_point(|other| *other < x).clamp(1, self.x.len() - 1);
+        let [[x0, y0], [x1, y1]] = [after - 1, after].map(|index| [self.x[index], self.y[index]]);
+        y0 + (y1 - y0) * ((x - x0) / (x1 - x0)).clamp(0.0, 1.0)
+    }
+}
+
+impl Proof {
+    /// Problems of the plot of a cause: none is seen, or it does not show what is written below it.
+    fn faults(&self) -> Vec<String> {
+        let Self { effect, text, numbers, drawn } = self;
+        let mut faults = Vec::new();
+        if *drawn == 0 {
+            faults.push(format!("{effect}: nothing is drawn"));
+        }
+        let Some(numbers) = numbers else { return faults };
+        let Numbers { series } = serde_json::from_str(numbers).expect("what a plot has");
+        let [law, dots] = &series[..] else { return vec![format!("{effect}: {} lines", series.len())] };
+        if law.name != "fitted law" || !dots.name.starts_with("measured") || dots.deviations.len() != dots.x.len() {
+            faults.push(format!("{effect}: {} and {}", law.name, dots.name));
+        }
+        let sum = |of: &dyn Fn(usize) -> f64| {
+            (0..dots.x.len()).map(|dot| (of(dot) / dots.deviations[dot]).powi(2)).sum::<f64>()
+        };
+        let left = sum(&|dot| dots.y[dot] - law.at(dots.x[dot]));
+        let plotted = 100.0 * (1.0 - left / sum(&|dot| dots.y[dot])).max(0.0);
+        let said = text.split_once("The law explains ").and_then(|(_, after)| after.split_once(" %")?.0.parse().ok());
+        match said {
+            Some(said) if f64::abs(said - plotted) < MOST_APART_PERCENT => {}
+            said => {
+                faults.push(format!("{effect}: the plotted law explains {plotted:.1} %, and the text says {said:?}"))
+            }
+        }
+        faults
+    }
+}
+
+/// The law is plotted in finer bins than those of the measured lack, so a sum over the plot differs by a little.
+const MOST_APART_PERCENT: f64 = 2.0;
 
 /// Elements wider than their frame: they scroll on a screen, and are cut off in print.
 #[derive(Deserialize)]
@@ -232,10 +321,16 @@ impl Page {
     }
 }
 
-/// A page with text and plots: live on a screen and on a phone; as drawings on a phone and in print.
+/// A page with text and plots: live on a screen and on a phone; as drawings on both and in print.
 fn page_faults(browser: &Browser, file: &Path, least_plots: usize) -> Vec<String> {
     let mut faults = live_faults(browser, file, least_plots);
     let page = Page::still(browser, file);
+    let wide = page.seen(WIDE, false, "screen");
+    if wide.width > f64::from(WIDE.0) || wide.plots.len() < least_plots {
+        faults.push(format!("at {} px {} plots, {} px wide", WIDE.0, wide.plots.len(), wide.width));
+    }
+    faults.extend(wide.cut.iter().map(|Cut { text, .. }| format!("at {} px cut off: {text}", WIDE.0)));
+    faults.extend(wide.plots.iter().flat_map(Plot::faults).map(|fault| format!("at {} px {fault}", WIDE.0)));
     let phone = page.seen(PHONE, true, "screen");
     faults.extend(page.faults());
     let width = f64::from(PHONE.0);
@@ -257,18 +352,31 @@ fn page_faults(browser: &Browser, file: &Path, least_plots: usize) -> Vec<String
     }
     faults.extend(print.cut.iter().map(|Cut { text, .. }| format!("in print cut off at the right: {text}")));
     faults.extend(print.parted.iter().map(|caption| format!("in print \"{caption}\" may part from its plot")));
-    for plot in &print.plots {
-        let [left, top, right, bottom] = plot.area;
-        if left < 0.0 || right > paper || bottom - top > f64::from(A4.1) || plot.breaks != "avoid" {
-            faults.push(format!("in print a plot is cut: {:?}, break-inside {}", plot.area, plot.breaks));
-        }
-    }
-    faults.extend(print.plots.iter().flat_map(Plot::faults).map(|fault| format!("in print {fault}")));
+    faults.extend(printed_faults(&print));
     if !page.tab.print_to_pdf(None).is_ok_and(|pdf| pdf.starts_with(b"%PDF")) {
         faults.push("does not print".into());
     }
     faults
 }
+
+/// Plots and tables on paper: each plot once, and nothing cut.
+fn printed_faults(print: &Seen) -> Vec<String> {
+    let paper = f64::from(A4.0);
+    let cut = |plot: &&Plot| {
+        let [left, top, right, bottom] = plot.area;
+        left < 0.0 || right > paper || bottom - top > f64::from(A4.1) || plot.breaks != "avoid"
+    };
+    let cut = print.plots.iter().filter(cut);
+    let cut = cut.map(|plot| format!("in print a plot is cut: {:?}, break-inside {}", plot.area, plot.breaks));
+    let split = print.split.iter().map(|table| format!("in print on two sheets: {table}"));
+    let times = print.drawings.iter().filter(|count| **count != 1);
+    let times = times.map(|count| format!("in print a plot is drawn {count} times"));
+    let unread = print.plots.iter().flat_map(Plot::faults).map(|fault| format!("in print {fault}"));
+    cut.chain(split).chain(times).chain(unread).collect()
+}
+
+/// The colour of what was measured, on every page.
+const MEASURED: &str = "rgb(0,0,0)";
 
 /// The page with its programs, at both widths.
 fn live_faults(browser: &Browser, file: &Path, least_plots: usize) -> Vec<String> {
@@ -283,7 +391,16 @@ fn live_faults(browser: &Browser, file: &Path, least_plots: usize) -> Vec<String
         if width > f64::from(size.0) {
             faults.push(format!("at {} px {width} px wide with live plots", size.0));
         }
+        faults.extend(seen.proofs.iter().flat_map(Proof::faults));
+        let is_measured = |name: &str| name == "measured" || name.ends_with(", measured");
+        let coloured = seen.colours.iter().filter(|(name, colour)| is_measured(name) && colour != MEASURED);
+        faults.extend(coloured.map(|(name, colour)| format!("{name} is drawn in {colour}")));
+        if seen.drawings.iter().any(|count| *count != 1) {
+            faults.push(format!("at {} px plots are drawn {:?} times", size.0, seen.drawings));
+        }
     }
+    // A person prints what the screen shows.
+    faults.extend(printed_faults(&page.seen(A4, false, "print")));
     faults.extend(page.faults());
     faults
 }
@@ -405,6 +522,57 @@ fn plots_are_read_on_a_screen() {
     none(&plots.map(|name| (name.to_string(), plot_faults(&browser, &files.at(name)))));
 }
 
+/// On the page of a diagnosis each named cause has one plot, or one picture of a wrong value, that can be seen with and
+/// without JavaScript. What the plotted law explains is what the text says.
+#[test]
+fn each_named_cause_has_its_plot() {
+    let Some(browser) = browser() else { return };
+    let files = files();
+    let recording = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/recording");
+    for name in ["bench.toml", "rig.toml"] {
+        std::fs::copy(recording.join(name), files.at(&format!("several_{name}"))).unwrap();
+    }
+    let nominal = format!("{CIRCUIT}{PIVT6_TOML}").replace("resistance_ohm = 5.84", "resistance_ohm = 12");
+    std::fs::write(files.at("wrong_rig.toml"), nominal).unwrap();
+    files.run(&["simulate", "several_bench.toml", "--csv", "several.csv"]);
+    files.run(&["simulate", "loop.toml", "--csv", "wrong.csv"]);
+    for (name, least) in [("several", 3), ("wrong", 2)] {
+        let [table, rig, json, page] =
+            ["{}.csv", "{}_rig.toml", "{}.json", "{}.html"].map(|file| file.replace("{}", name));
+        files.run(&["diagnose", &table, "--rig", &rig, "--json", &json, "--report", &page]);
+        let found: serde_json::Value = serde_json::from_slice(&std::fs::read(files.at(&json)).unwrap()).unwrap();
+        let causes = found["causes"].as_array().unwrap().iter().map(|cause| cause["effect"].as_str().unwrap());
+        let mut causes: Vec<&str> = causes.collect();
+        causes.sort_unstable();
+        assert!(causes.len() >= least, "{causes:?}");
+        for page in [Page::open(&browser, &files.at(&page)), Page::still(&browser, &files.at(&page))] {
+            let seen = page.seen(WIDE, false, "screen");
+            let mut proven: Vec<&str> = seen.proofs.iter().map(|proof| proof.effect.as_str()).collect();
+            proven.sort_unstable();
+            assert_eq!(proven, causes);
+            let faults: Vec<String> = seen.proofs.iter().flat_map(Proof::faults).collect();
+            assert!(faults.is_empty(), "{faults:?}");
+        }
+    }
+}
+
+/// A plot that does not show its text is found.
+#[test]
+fn a_proof_that_proves_nothing_is_found() {
+    let line = |name: &str, y: [f64; 3]| serde_json::json!({ "name": name, "x": [-1.0, 0.1, 1.0], "y": y });
+    let mut dots = line("measured, all other causes taken out", [1.0, -1.0, -1.0]);
+    dots["deviations"] = serde_json::json!([0.1, 0.1, 0.1]);
+    let proof = |law: [f64; 3], percent: &str, drawn: usize| Proof {
+        effect: "voltage_drop".into(),
+        text: format!("The law explains {percent} % of what the model lacks without it."),
+        numbers: Some(serde_json::json!({ "series": [line("fitted law", law), dots.clone()] }).to_string()),
+        drawn,
+    };
+    assert!(proof([1.0, -1.0, -1.0], "100.0", 1).faults().is_empty());
+    assert!(proof([1.0, -1.0, -1.0], "100.0", 0).faults()[0].contains("nothing is drawn"));
+    assert!(proof([1.0, -1.0, 0.0], "100.0", 1).faults()[0].contains("the plotted law explains 66.7 %"));
+}
+
 /// The checks above can fail: here they find prepared problems.
 #[test]
 fn a_bad_page_is_found_bad() {
@@ -415,6 +583,7 @@ fn a_bad_page_is_found_bad() {
         <polyline points=\"90,90 120,110\"/><rect x=\"80\" y=\"80\" width=\"99\" height=\"99\" fill=\"white\"/>\
         <text x=\"20\" y=\"40\" font-size=\"6\">small</text><text x=\"22\" y=\"40\" font-size=\"20\">over it</text>\
         <text x=\"880\" y=\"90\">beyond the edge</text></svg>\
+        <figure class=\"plot\"><svg width=\"90\" height=\"30\"/><svg width=\"90\" height=\"30\"/></figure>\
         <p style=\"width:60px;overflow-wrap:anywhere\"><code>friction_asymmetry</code></p>\
         <pre style=\"width:60px;overflow-x:auto\">a line that no phone has the room for, since it goes on and on without an end</pre></body></html>";
     std::fs::write(files.at("bad.html"), bad).unwrap();
@@ -431,6 +600,8 @@ fn a_bad_page_is_found_bad() {
         "are covered",
         "may part from its plot",
         "within a word",
+        "is drawn 2 times",
+        "on two sheets: a line",
         "scrolled sideways: a line",
     ];
     for expected in seen {

@@ -1,9 +1,11 @@
 //! One mapping of a file's names to channels, for every command that reads a recording.
 //!
-//! `NAME=CHANNEL`, with a factor and an offset: `adc=i_A*0.0264-13.5`, `pwm=duty/255`. `NAME` is the name in the file,
-//! the last part of its path, `NAME#2` for the second of two equal names, a number for the column of that number,
-//! `row` for the number of the row from 0, `NAME*sign(OTHER)` for a value whose sign is in another column, or
-//! `quadrature(A,B)` for the count of the edges of an encoder's two channels.
+//! `NAME=CHANNEL`, with a factor and an offset: `adc=i_A*0.0264-13.5`, `pwm=duty/255`. `NAME` is one of
+//!
+//! - the name in the file, or the last part of its path; `NAME#2` for the second of two equal names;
+//! - a number, for the column of that number; `row`, for the number of the row from 0;
+//! - `NAME*sign(OTHER)`, for a value whose sign is in another column;
+//! - `quadrature(A,B)`, for the count of the edges of an encoder's two channels.
 
 use crate::content::Column;
 use crate::recording::Channel;

@@ -16,8 +16,8 @@ use nalgebra::{Matrix3, Vector3};
 
 /// The scales of the sensors, which only the person at the rig knows.
 const SCALES: [Param; 2] = [Param::CountsPerRev, Param::CurrentGain];
-/// A constant that is off by more is no other temperature (a hot winding has 1.4 times the resistance), but another sensor
-/// (the scales of a common family differ by 1.85).
+/// A constant that is off by more means another sensor: the scales of a common family differ by 1.85. Another temperature
+/// changes less: a hot winding has 1.4 times the resistance.
 const MOST_OFF: f64 = 1.6;
 /// Less of the full voltage drives hardly any current.
 const LEAST_DUTY: f64 = 0.1;

@@ -1,12 +1,12 @@
-//! Gains for a position loop of one's own: a PID with a filter on its derivative, for the Arduino PID library, QuickPID or
-//! a plain sketch. Position in degrees, output in PWM values from -255 to 255, a sample time of some 10 ms.
+//! Gains for a position loop in a sketch: a PID with a filter on its derivative. It is for the Arduino PID library,
+//! QuickPID or a plain sketch. Position in degrees, output in PWM values from -255 to 255, a sample time of some 10 ms.
 //!
 //! The gains follow from the motor as an integrator with a lag and a dead time (Skogestad, Journal of Process Control 13
-//! (2003)). The derivative cancels the lag. One count more or less moves the output by no more than
-//! 10 of 255: so much is the derivative filtered. The target passes a filter with two time constants of the
-//! loop, with limits of speed and acceleration that the motor can keep. Friction is met by the sense of the speed, and the drop of
-//! the bridge by that of the current, which turns when the motor brakes. At rest, within the counts, the output is 0, so
-//! that integral and friction do not swing about the target.
+//! (2003)). The derivative cancels the lag. It is filtered so much that one count moves the output by no more than 10 of
+//! 255. The target passes a filter with two time constants of the loop, with limits of speed and acceleration that the
+//! motor can keep. Friction is compensated with the sign of the speed. The drop of the bridge is compensated with the sign
+//! of the current, which changes when the motor brakes. At rest, within the counts, the output is 0, so that integral and
+//! friction do not swing about the target.
 
 use crate::Bench;
 use crate::own_loop::{Asked, Circuit, OwnLoopError, PWM_FULL, Sketch, checked, corners, greatest_rpm, hold, lag_s};

@@ -2,7 +2,7 @@
 // Makes the drawn plots live: zoom, move, values under the pointer, lines on and off. Without it the drawings stay.
 (() => {
   const groups = {};
-  const rounded = value => value == null ? '-' : String(Number(value.toPrecision(4)));
+  const rounded = value => value == null ? '' : String(Number(value.toPrecision(4)));
   const height = (figure, data) => figure.clientWidth < 560 ? 250 : data.height;
 
   // One table with a column for each line; lines of other places leave gaps.
@@ -26,6 +26,36 @@
       else ctx.fillRect(bbox.left, end, bbox.width, start - end);
       ctx.restore();
     }
+    ctx.restore();
+  };
+
+  // What a line of the table does not show: upright lines, and two standard deviations about a dot.
+  const marks = (plot, series) => {
+    const { ctx, bbox } = plot;
+    const place = (value, axis) => plot.valToPos(value, axis, true);
+    const upright = (at, from, to) => {
+      ctx.beginPath();
+      ctx.moveTo(at, from);
+      ctx.lineTo(at, to);
+      ctx.stroke();
+    };
+    ctx.save();
+    ctx.beginPath();
+    ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
+    ctx.clip();
+    ctx.lineWidth = 2 * devicePixelRatio;
+    series.forEach((one, index) => {
+      if (!plot.series[index + 1].show) return;
+      ctx.strokeStyle = one.colour;
+      if (one.upright != null) upright(place(one.upright, 'x'), bbox.top, bbox.top + bbox.height);
+      ctx.globalAlpha = 0.4;
+      one.deviations?.forEach((deviation, dot) => {
+        if (one.y[dot] == null) return;
+        const [low, high] = [-2, 2].map(by => place(one.y[dot] + by * deviation, 'y'));
+        upright(place(one.x[dot], 'x'), low, high);
+      });
+      ctx.globalAlpha = 1;
+    });
     ctx.restore();
   };
 
@@ -77,6 +107,7 @@
     let x;
     data.series.forEach(series => {
       x = series.x ??= x;
+      if (series.upright != null) series.y = series.x.map(() => null);
     });
     const table = joined(data.series);
     const axis = label => ({
@@ -91,7 +122,8 @@
       axes: [axis(data.x_title), axis(data.y_title)],
       series: [{ label: data.x_title, value: (_, value) => rounded(value) }, ...data.series.map(line)],
       cursor: { sync: data.group ? { key: data.group } : undefined, drag: { x: true, y: false, dist: 4 }, points: { size: 6 } },
-      hooks: { drawClear: [plot => bands(plot, data.bands)], setScale: [] },
+      legend: { markers: { width: 0, fill: (plot, index) => plot.series[index].stroke(plot, index) } },
+      hooks: { drawClear: [plot => bands(plot, data.bands)], draw: [plot => marks(plot, data.series)], setScale: [] },
     }, table, figure.querySelector('.live'));
     if (data.group) together(plot, data.group);
     movable(plot);
@@ -105,6 +137,15 @@
   const ready = figure => {
     if (figure.clientWidth > 0 && !figure.classList.contains('is-live')) show(figure);
   };
+  // Paper cannot be unfolded.
+  const folded = [];
+  addEventListener('beforeprint', () => document.querySelectorAll('details:not([open])').forEach(part => {
+    part.open = true;
+    folded.push(part);
+  }));
+  addEventListener('afterprint', () => folded.splice(0).forEach(part => {
+    part.open = false;
+  }));
   // A page that shows this one in a frame makes room for all of it.
   if (parent !== window) {
     const tell = () => parent.postMessage({ height: document.documentElement.offsetHeight }, '*');

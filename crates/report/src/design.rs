@@ -290,7 +290,7 @@ fn loop_plots(motor: &MotorParameters, design: &Design) -> [Plot; 2] {
         Plot::new("frequency, Hz", y_title)
             .logarithmic()
             .line(level.0, REFERENCE, vec![[begin, level.1], [end, level.1]])
-            .line("crossover", CROSSOVER, vec![[crossover_hz, least], [crossover_hz, most]])
+            .with("crossover", CROSSOVER, Mark::Upright, vec![[crossover_hz, least], [crossover_hz, most]])
             .line(label, LINEAR, course)
     };
     let decibels = |point: &BodePoint| 20.0 * point.magnitude.log10();

@@ -3,6 +3,7 @@
 //! follow. The rest is folded away.
 
 use crate::diagnosis_text::{against_nominal, estimate, rival_comparison, scale_words, title, verdict};
+use crate::plot::quantity;
 use crate::web_page::{Page, Provenance, code, list, number, table, text};
 use maud::{Markup, html};
 use motorbench_diagnosis::dataset::Dataset;
@@ -76,7 +77,7 @@ fn gain(diagnosis: &Diagnosis) -> Markup {
                 @let [before, after, noise] = ["base", "extended", "noise_floor"].map(|which| fit[which][channel].rmse);
                 @let title = measured.output.title();
                 div {
-                    h2 { "Error of " (parts::quantity(title)) ", rms on data that no fit has seen" }
+                    h2 { "Error of " (quantity(title)) ", rms on data that no fit has seen" }
                     (bar("before", "before", before, before.max(after), measured.output.unit()))
                     (bar("after", "after", after, before.max(after), measured.output.unit()))
                     (bar("noise", "noise", noise, before.max(after), measured.output.unit()))

@@ -1,6 +1,6 @@
 //! Plots over time or frequency, one below the other, as SVG.
 
-use crate::plot::{MEASURED, Mark, OTHERS, Plot, REFERENCE, axis_label};
+use crate::plot::{LOW, MEASURED, Mark, OTHERS, Plot, REFERENCE, axis_label, capital, quantity};
 use maud::{Markup, html};
 use plotters::coord::Shift;
 use plotters::coord::ranged1d::{AsRangedCoord, ValueFormatter};
@@ -24,18 +24,38 @@ const MOST_POINTS: usize = 800;
 pub struct Panel {
     title: String,
     frequencies_hz: Option<Vec<f64>>,
+    /// Below the panel before it, as its difference.
+    is_difference: bool,
+    /// Of a channel that a page folds away.
+    is_aside: bool,
     lines: Vec<(String, Vec<f64>)>,
 }
 
 impl Panel {
     /// Over time, without lines so far. The title gives quantity and unit.
     pub fn new(title: &str) -> Self {
-        Self { title: title.into(), frequencies_hz: None, lines: Vec::new() }
+        Self { title: title.into(), frequencies_hz: None, is_difference: false, is_aside: false, lines: Vec::new() }
     }
 
     /// The same over these frequencies, positive and rising, on a logarithmic axis.
     pub fn over_frequencies(title: &str, frequencies_hz: Vec<f64>) -> Self {
         Self { frequencies_hz: Some(frequencies_hz), ..Self::new(title) }
+    }
+
+    /// The difference of what the panel before it shows: on a page it is lower, and has no heading.
+    #[must_use]
+    pub fn difference(self) -> Self {
+        Self { is_difference: true, ..self }
+    }
+
+    /// Whether a page folds it away.
+    #[must_use]
+    pub fn aside(self, is_aside: bool) -> Self {
+        Self { is_aside, ..self }
+    }
+
+    pub(crate) fn is_aside(&self) -> bool {
+        self.is_aside
     }
 
     /// Adds a line: its name, its values.
@@ -58,13 +78,12 @@ fn colours(lines: &[(String, Vec<f64>)]) -> Vec<RGBColor> {
 }
 
 /// The same for a page. Those over time are zoomed together.
-pub fn figures(interval_s: f64, panels: &[Panel]) -> Markup {
-    html! { @for panel in panels { (panel.plot(interval_s).figure(&html! { b { (capitalised(&panel.title)) } })) } }
-}
-
-fn capitalised(title: &str) -> String {
-    let mut letters = title.chars();
-    letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
+pub fn figures(interval_s: f64, panels: &[&Panel]) -> Markup {
+    let caption = |panel: &Panel| {
+        let title = capital(quantity(&panel.title));
+        html! { @if panel.is_difference { (title) } @else { b { (title) } } }
+    };
+    html! { @for panel in panels { (panel.plot(interval_s).figure(&caption(panel))) } }
 }
 
 fn is_measured(name: &str) -> bool {
@@ -78,10 +97,14 @@ impl Panel {
     }
 
     fn plot(&self, interval_s: f64) -> Plot {
+        // A low plot has no room for more than the unit.
+        let unit = || self.title.rsplit_once(", ").map_or("", |(_, unit)| unit);
+        let axis = if self.is_difference { unit() } else { &self.title };
         let plot = match &self.frequencies_hz {
-            None => Plot::new("time, s", &self.title).in_group(format!("{} rows", self.rows())),
-            Some(_) => Plot::new("frequency, Hz", &self.title).logarithmic(),
+            None => Plot::new("time, s", axis).in_group(format!("{} rows", self.rows())),
+            Some(_) => Plot::new("frequency, Hz", axis).logarithmic(),
         };
+        let plot = if self.is_difference { plot.high(LOW) } else { plot };
         let place = |index: usize| match &self.frequencies_hz {
             None => index as f64 * interval_s,
             Some(frequencies_hz) => frequencies_hz[index],

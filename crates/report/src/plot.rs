@@ -55,15 +55,22 @@ impl Sizes {
         f64::from(self.width as i32 - self.beside() - MARGIN - MARGIN_RIGHT)
     }
 
-    /// Pixels of the vertical axis under one line of names, in a drawing of this height.
-    fn up(&self, height: u32) -> f64 {
-        f64::from(height as i32 - self.below() - MARGIN - (self.letters + 10))
+    /// Height of a line of names above the plot.
+    const fn row(&self) -> i32 {
+        self.letters + 6
+    }
+
+    /// Pixels of the vertical axis under names that end there, in a drawing of this height.
+    fn up(&self, height: u32, names_end: i32) -> f64 {
+        f64::from(height as i32 - self.below() - MARGIN - names_end)
     }
 }
 
 const SCREEN: Sizes = Sizes { width: 1120, share_of_height: 1.0, letters: 20, labels: 12, class: "on-screen" };
 /// Also one of two plots side by side on paper.
 const PHONE: Sizes = Sizes { width: 400, share_of_height: 0.78, letters: 17, labels: 5, class: "on-phone" };
+/// A plot with one scale for both axes: as wide as it is high.
+const ROUND: Sizes = Sizes { width: 560, share_of_height: 1.4, letters: 20, labels: 6, class: "on-screen" };
 /// Usual height of a plot, and of one with residuals.
 pub const HEIGHT: u32 = 360;
 /// Height of a plot of residuals.
@@ -71,6 +78,8 @@ pub const LOW: u32 = 210;
 /// Largest number of points of a line in a drawing, and of those that a browser gets to zoom in.
 const MOST_DRAWN: usize = 1400;
 const MOST_LIVE: usize = 4000;
+/// The axes of a plot that is drawn.
+type Chart<'a, 'b, X> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<X, plotters::coord::types::RangedCoordf64>>;
 /// Digits of the numbers beside the drawing.
 const DIGITS: i32 = 5;
 
@@ -85,6 +94,8 @@ pub enum Mark {
     Dots,
     /// A curve whose points are in any order: it cannot be made live.
     Curve,
+    /// An upright line at one place, over the whole height.
+    Upright,
 }
 
 /// A series of a plot.
@@ -204,7 +215,7 @@ impl Plot {
         html! {
             figure.plot {
                 figcaption { (caption) }
-                (self.drawn(&SCREEN)) (self.drawn(&PHONE))
+                (self.drawn(if self.round.is_some() { &ROUND } else { &SCREEN })) (self.drawn(&PHONE))
                 @if is_live {
                     div.live {}
                     script type="application/json" { (PreEscaped(self.numbers().to_string().replace('<', "\\u003c"))) }
@@ -217,7 +228,9 @@ impl Plot {
         let height = ((f64::from(self.height) * sizes.share_of_height) as u32).max(LOW);
         match self.round {
             Some(half) => {
-                let wide = half * sizes.across() / sizes.up(height);
+                let height = if sizes.class == PHONE.class { PHONE.width } else { height };
+                let (_, names_end) = self.places_of_names(sizes);
+                let wide = half * sizes.across() / sizes.up(height, names_end);
                 let range = Some([-wide..wide, -half..half]);
                 Self { range, ..self.clone() }.drawn_with(sizes, height)
             }
@@ -308,41 +321,13 @@ impl Plot {
             };
             chart.draw_series([Rectangle::new(corners, BLACK.mix(0.06).filled())])?;
         }
-        for series in &self.series {
-            let colour = series.colour;
-            match series.mark {
-                Mark::Dots => {
-                    for (point, deviation) in series.points.iter().zip(&series.deviations) {
-                        let [low, high] =
-                            [-2.0, 2.0].map(|by| (point[0], (point[1] + by * deviation).clamp(y.start, y.end)));
-                        chart.draw_series([PathElement::new([low, high], colour.mix(0.35).stroke_width(2))])?;
-                    }
-                    let radius = if series.points.len() > 120 { 2 } else { 4 };
-                    let dots = series.points.iter().filter(|point| point[1].is_finite());
-                    chart.draw_series(dots.map(|point| Circle::new((point[0], point[1]), radius, colour.filled())))?;
-                }
-                mark => {
-                    let width = if mark == Mark::Broad { 4 } else { 2 };
-                    for part in series.thinned(MOST_DRAWN).split(|point| !point[1].is_finite()) {
-                        let points = part.iter().map(|point| (point[0], point[1]));
-                        chart.draw_series(LineSeries::new(points, colour.stroke_width(width)))?;
-                    }
-                }
-            }
-        }
-        Ok(())
+        self.series.iter().try_for_each(|series| series.draw(&mut chart, &y))
     }
 
     /// Names in their colours above the plot; returns where they end.
     fn legend(&self, area: &DrawingArea<SVGBackend, Shift>, sizes: &Sizes) -> Result<i32, Box<dyn Error>> {
-        let (left, row) = (11 * sizes.letters / 2 + 8, sizes.letters + 6);
-        let (mut x, mut y) = (left, 2);
-        for series in &self.series {
-            // Letters are about half as wide as high.
-            let width = 44 + series.name.chars().count() as i32 * sizes.letters / 2;
-            if x > left && x + width > sizes.width as i32 {
-                (x, y) = (left, y + row);
-            }
+        let (places, end) = self.places_of_names(sizes);
+        for (series, (x, y)) in self.series.iter().zip(places) {
             let middle = y + sizes.letters / 2;
             if series.mark == Mark::Dots {
                 area.draw(&Circle::new((x + 11, middle), 4, series.colour.filled()))?;
@@ -351,9 +336,26 @@ impl Plot {
                 area.draw(&PathElement::new([(x, middle), (x + 22, middle)], series.colour.stroke_width(width)))?;
             }
             area.draw(&Text::new(series.name.clone(), (x + 28, y + 2), ("sans-serif", sizes.letters)))?;
-            x += width;
         }
-        Ok(y + row + 2)
+        Ok(end)
+    }
+
+    /// Where the names of the lines stand, and where they end.
+    fn places_of_names(&self, sizes: &Sizes) -> (Vec<(i32, i32)>, i32) {
+        let left = sizes.beside() + MARGIN;
+        let (mut x, mut y) = (left, 2);
+        let places = self.series.iter().map(|series| {
+            // Letters are about half as wide as high.
+            let width = 44 + series.name.chars().count() as i32 * sizes.letters / 2;
+            if x > left && x + width > sizes.width as i32 {
+                (x, y) = (left, y + sizes.row());
+            }
+            let place = (x, y);
+            x += width;
+            place
+        });
+        let places = places.collect();
+        (places, y + sizes.row() + 2)
     }
 
     /// What a browser needs to draw it.
@@ -371,7 +373,12 @@ impl Plot {
                 "joined": self.series.iter().any(|series| series.mark == Mark::Dots),
                 "y": y.iter().map(|value| value.is_finite().then_some(*value)).collect::<Vec<_>>(),
             });
-            if !is_same {
+            if !series.deviations.is_empty() {
+                numbers["deviations"] = json!(series.deviations.iter().copied().map(rounded).collect::<Vec<_>>());
+            }
+            if series.mark == Mark::Upright {
+                numbers["upright"] = json!(x.first());
+            } else if !is_same {
                 numbers["x"] = json!(x);
                 before = Some(x);
             }
@@ -389,6 +396,31 @@ impl Plot {
 }
 
 impl Series {
+    /// Draws it; `y`: the vertical axis, which cuts its deviations.
+    fn draw<X: Ranged<ValueType = f64>>(
+        &self,
+        chart: &mut Chart<'_, '_, X>,
+        y: &Range<f64>,
+    ) -> Result<(), Box<dyn Error>> {
+        let colour = self.colour;
+        if self.mark == Mark::Dots {
+            for (point, deviation) in self.points.iter().zip(&self.deviations) {
+                let [low, high] = [-2.0, 2.0].map(|by| (point[0], (point[1] + by * deviation).clamp(y.start, y.end)));
+                chart.draw_series([PathElement::new([low, high], colour.mix(0.35).stroke_width(2))])?;
+            }
+            let radius = if self.points.len() > 120 { 2 } else { 4 };
+            let dots = self.points.iter().filter(|point| point[1].is_finite());
+            chart.draw_series(dots.map(|point| Circle::new((point[0], point[1]), radius, colour.filled())))?;
+            return Ok(());
+        }
+        let width = if self.mark == Mark::Broad { 4 } else { 2 };
+        for part in self.thinned(MOST_DRAWN).split(|point| !point[1].is_finite()) {
+            let points = part.iter().map(|point| (point[0], point[1]));
+            chart.draw_series(LineSeries::new(points, colour.stroke_width(width)))?;
+        }
+        Ok(())
+    }
+
     /// Few enough points for a plot, with the extremes between them. Lines of one length keep the same rows.
     fn thinned(&self, most: usize) -> Vec<[f64; 2]> {
         let step = self.points.len().div_ceil(most).max(1);
@@ -410,6 +442,17 @@ fn ends(values: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
         let (low, high) = found.unwrap_or((value, value));
         Some((value.min(low), value.max(high)))
     })
+}
+
+/// The name of an axis without its unit.
+pub fn quantity(axis: &str) -> &str {
+    axis.split_once(',').map_or(axis, |(quantity, _)| quantity)
+}
+
+/// With a capital letter.
+pub fn capital(name: &str) -> String {
+    let mut letters = name.chars();
+    letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
 }
 
 /// Label of an axis, as short as the number. Its value is a sum of steps, so a value near zero means zero.

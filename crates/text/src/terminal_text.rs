@@ -76,9 +76,9 @@ pub fn quoted(name: &str) -> String {
     shlex::try_quote(name).map_or_else(|_| name.into(), Into::into)
 }
 
-/// Breaks the lines of a text that are longer than [`COLUMNS`]. All others stay unchanged.
+/// Breaks the lines of a text that are longer than the terminal is wide, [`COLUMNS`] at most. All others stay unchanged.
 pub fn narrow(text: &str) -> String {
-    broken(text, COLUMNS)
+    broken(text, width())
 }
 
 /// The text for a terminal that is narrower than [`COLUMNS`]: a row of a table first loses spaces between its columns. For

@@ -25,7 +25,7 @@ pub struct Arguments {
     /// Rig or model file with the table [motor].
     #[arg(long, alias = "model", value_name = "FILE")]
     rig: PathBuf,
-    /// Prints poles, zeros, gains and time constants as JSON.
+    /// Prints poles, zeros, gains and time constants as JSON instead of text, or writes them into a file.
     #[arg(long, value_name = JSON_TO, num_args = 0..=1, require_equals = true, default_missing_value = TERMINAL)]
     json: Option<PathBuf>,
     /// Also prints the sampled forms for this period, with the voltage held between samples.

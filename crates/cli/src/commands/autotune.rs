@@ -97,7 +97,7 @@ pub struct Arguments {
     /// Writes the gains as console lines, for `motorbench send`.
     #[arg(long, value_name = "FILE.txt")]
     console: Option<PathBuf>,
-    /// Prints experiment, gains and acceptance test as JSON.
+    /// Prints experiment, gains and acceptance test as JSON instead of text, or writes them into a file.
     #[arg(long, value_name = JSON_TO, num_args = 0..=1, require_equals = true, default_missing_value = TERMINAL)]
     json: Option<PathBuf>,
 }

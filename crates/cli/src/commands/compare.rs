@@ -6,6 +6,7 @@ use super::{
 };
 use clap::Args;
 use host_sim::plant::{Bridge, Inputs, ModelPlant, Plant};
+use maud::{Markup, PreEscaped, html};
 use motorbench_data::mapping::Mapping;
 use motorbench_data::recording::Channel;
 use motorbench_diagnosis::compare::{Comparison, Difference, compare, distance};
@@ -18,6 +19,7 @@ use motorbench_model::Model;
 use motorbench_model::linear::motor_model::speed;
 use motorbench_report::comparison_page::{self, Compared};
 use motorbench_report::panels::{Panel, panels};
+use motorbench_report::web_page::{code, number, table as page_table, text as cell};
 use motorbench_text::terminal_text::{fixed, short};
 use nalgebra::Complex;
 use serde_json::{Value, json};
@@ -101,20 +103,29 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
 /// What is drawn: panels over time with a sample for each interval, or over frequency.
 pub type Drawn = (f64, Vec<Panel>);
 
-fn finish(
-    arguments: &Arguments,
-    result: &Value,
-    (verdict, text): (&str, &str),
-    (interval_s, drawn): &Drawn,
-) -> Result<(), Failure> {
+/// What a comparison says: its result in a sentence, its text for a terminal, and its figures for a page.
+struct Said<'a> {
+    verdict: &'a str,
+    text: &'a str,
+    figures: Markup,
+}
+
+fn finish(arguments: &Arguments, result: &Value, said: Said, (interval_s, drawn): &Drawn) -> Result<(), Failure> {
+    let Said { verdict, text, figures } = said;
     if let Some(path) = &arguments.plot {
         write_plot(path, &panels(*interval_s, drawn))?;
     }
     if let Some(path) = &arguments.report {
         let files = format!("{} and {}", arguments.first.display(), arguments.second.display());
-        let verdict = format!("{files}: {verdict}");
-        let (title, kind) = ("motorbench compare", "Comparison");
-        let compared = Compared { title, kind, verdict, panels: drawn, interval_s: *interval_s, figures: text };
+        let compared = Compared {
+            title: "motorbench compare",
+            kind: "Comparison",
+            verdict: format!("{files}: {verdict}."),
+            conclusions: Vec::new(),
+            panels: drawn,
+            interval_s: *interval_s,
+            figures,
+        };
         let from = provenance::of_files([arguments.first.as_path(), &arguments.second]);
         write(path, &comparison_page::html(&compared, provenance::with(from, "Rig file", arguments.rig.as_deref())))?;
     }
@@ -128,6 +139,12 @@ fn finish(
 }
 
 impl Arguments {
+    /// Names of both in plots: those of their files, if these differ.
+    fn names(&self) -> [String; 2] {
+        let names = [&self.first, &self.second].map(|path| path.file_stem().unwrap_or_default().to_string_lossy());
+        if names[0] == names[1] { ["first", "second"].map(String::from) } else { names.map(String::from) }
+    }
+
     fn outputs(&self) -> Result<Outputs, Failure> {
         let inputs = [&self.first, &self.second];
         let rigs: Vec<PathBuf> = inputs.iter().filter_map(|path| rig_file(self.rig.as_deref(), Some(path))).collect();
@@ -141,7 +158,9 @@ fn recordings(arguments: &Arguments) -> Result<(), Failure> {
         compare(&read(&arguments.first)?, &read(&arguments.second)?, arguments.delay).map_err(Failure::input)?;
     let result = serde_json::to_value(&compared).map_err(Failure::machine)?;
     let verdict = format!("they {}", agreement(&compared));
-    finish(arguments, &result, (&verdict, &table(&compared)), &drawn(&compared, ["first", "second"]))
+    let said = Said { verdict: &verdict, text: &table(&compared), figures: table_html(&compared) };
+    let [first, second] = arguments.names();
+    finish(arguments, &result, said, &drawn(&compared, [&first, &second]))
 }
 
 /// Delay, and difference of each channel.
@@ -156,18 +175,44 @@ pub fn table(compared: &Comparison) -> String {
     text
 }
 
-/// How well two recordings agree in what the motor does and in its current: `agree in speed to 94 %, current to 59 %`.
-pub fn agreement(compared: &Comparison) -> String {
-    let mut channels: Vec<&Difference> = compared.channels.iter().filter(|one| place(one.channel) <= 2).collect();
-    channels.sort_by_key(|channel| place(channel.channel));
-    let fits = channels.iter().filter_map(|one| Some(of_quantity(one.title(), one.fit_percent?)));
-    let fits: Vec<String> = fits.collect();
-    if fits.is_empty() { "are compared in figures".into() } else { format!("agree in {}", fits.join(", ")) }
+/// The same for a page.
+pub fn table_html(compared: &Comparison) -> Markup {
+    let rows = compared.channels.iter().map(|channel| {
+        let fit = channel.fit_percent.map_or("-".into(), |fit| format!("{fit:.1} %"));
+        [code([channel.channel]), number(short(channel.rms)), number(fit)]
+    });
+    let (delay, duration) = (short(1e3 * compared.delay_s), short(compared.duration_s));
+    html! {
+        p { "The second is " (delay) " ms later; compared over " (duration) " s." }
+        (page_table(&["channel", "rms difference", "fit"], rows))
+    }
 }
 
-/// The fit of a quantity, from the title of its axis.
-fn of_quantity(title: &str, fit_percent: f64) -> String {
-    format!("{} to {fit_percent:.1} %", title.split(',').next().unwrap_or(title))
+/// How well two recordings agree in what the motor does and in its current: `agree in speed to 94.0 %, current to 59.0 %`.
+pub fn agreement(compared: &Comparison) -> String {
+    let mut channels: Vec<&Difference> = compared.channels.iter().filter(|one| is_of_the_motor(one.channel)).collect();
+    channels.sort_by_key(|channel| place(channel.channel));
+    let fits = channels.iter().filter_map(|one| Some((one.title(), one.fit_percent?)));
+    agreement_in(&fits.collect::<Vec<_>>())
+}
+
+/// The same from the titles of axes with their fits. A fit below zero is no agreement: a constant would do better.
+fn agreement_in(fits: &[(&str, f64)]) -> String {
+    let quantity = |title: &str| title.split(',').next().unwrap_or(title).to_owned();
+    let (good, bad): (Vec<_>, Vec<_>) = fits.iter().partition(|(_, fit_percent)| *fit_percent > 0.0);
+    let good: Vec<String> = good.iter().map(|(title, fit)| format!("{} to {fit:.1} %", quantity(title))).collect();
+    let bad: Vec<String> = bad.iter().map(|(title, fit)| format!("{} (fit {fit:.1} %)", quantity(title))).collect();
+    match (good.join(", "), bad.join(", ")) {
+        (good, bad) if good.is_empty() && bad.is_empty() => "are compared in figures".into(),
+        (good, bad) if bad.is_empty() => format!("agree in {good}"),
+        (good, bad) if good.is_empty() => format!("do not agree in {bad}"),
+        (good, bad) => format!("agree in {good}, but not in {bad}"),
+    }
+}
+
+/// What the motor does, and its current. A page folds the other channels away.
+pub fn is_of_the_motor(channel: &str) -> bool {
+    place(channel) <= 2
 }
 
 /// Where a channel stands in a page: what the motor does, then the current, then what drives it.
@@ -191,8 +236,10 @@ pub fn drawn(compared: &Comparison, names: [&str; 2]) -> Drawn {
         let both =
             Panel::new(channel.title()).line(names[0], channel.first.clone()).line(names[1], channel.second.clone());
         let title = channel.title_of_difference(names);
-        let apart = channel.differs().then(|| Panel::new(&title).line("difference", channel.second_less_first()));
-        [both].into_iter().chain(apart)
+        let apart =
+            channel.differs().then(|| Panel::new(&title).difference().line("difference", channel.second_less_first()));
+        let is_aside = !is_of_the_motor(channel.channel);
+        [both].into_iter().chain(apart).map(move |panel| panel.aside(is_aside))
     };
     (compared.interval_s, channels.iter().flat_map(of_channel).collect())
 }
@@ -215,30 +262,38 @@ fn with_model(arguments: &Arguments, recording: &Path, model: &Path) -> Result<(
     data.held_out.fill(true);
     let prediction = free_run(&model, &data);
     let mut text = String::from("Free-running simulation of the model against the whole recording\n");
-    let (mut channels, mut drawn, mut fits) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut channels, mut drawn, mut fits, mut rows) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     for (output, measured) in data.measured.iter().enumerate() {
         let (channel, unit) = (measured.output.channel(), measured.output.unit());
         let (rmse, fit) = (judge::rmse(&data, &prediction, output), judge::fit_percent(&data, &prediction, output));
         text += &format!("  {channel:<18} {:>10} {unit} rms, fit {fit:.1} %\n", short(rmse));
         channels.push(json!({ "channel": channel, "rms": rmse, "fit_percent": fit }));
-        fits.push(of_quantity(measured.output.title(), fit));
+        rows.push([code([channel]), number(format!("{} {unit}", short(rmse))), number(format!("{fit:.1} %"))]);
+        fits.push((measured.output.title(), fit));
         let simulated = prediction[output].clone();
+        let left = measured.values.iter().zip(&simulated).map(|(measured, simulated)| measured - simulated).collect();
         drawn.push(
             Panel::new(measured.output.title()).line("measured", measured.values.clone()).line("model", simulated),
         );
+        drawn.push(Panel::new(&format!("measured - model, {unit}")).difference().line("difference", left));
     }
     if !data.axis.drive.is_voltage() {
         let simulated = position(&model, &data);
         let (rms, fit) = distance(&data.angle_rad, &simulated);
         text += &format!("  {:<18} {:>10} rad rms, of the free run\n", Channel::Angle.column(), short(rms));
         channels.push(json!({ "channel": Channel::Angle.column(), "rms": rms, "fit_percent": fit }));
+        rows.push([code([Channel::Angle.column()]), number(format!("{} rad", short(rms))), cell("of the free run")]);
         let panel = Panel::new(Channel::Angle.title()).line("measured", data.angle_rad.clone());
         drawn.push(panel.line("model", simulated));
     }
     let text = data.axis.motion.words(&text).into_owned();
     let result = in_units_of(data.axis, &json!({ "channels": channels }))?;
-    let verdict = data.axis.motion.words(&format!("the model agrees in {}", fits.join(", "))).into_owned();
-    finish(arguments, &result, (&verdict, &text), &(data.interval_s, drawn))
+    let words = |text: String| data.axis.motion.words(&text).into_owned();
+    let verdict = words(format!("recording and model {}", agreement_in(&fits)));
+    let figures = page_table(&["channel", "rms error", "fit"], rows);
+    let figures =
+        html! { p { "The model runs freely over the whole recording." } (PreEscaped(words(figures.into_string()))) };
+    finish(arguments, &result, Said { verdict: &verdict, text: &text, figures }, &(data.interval_s, drawn))
 }
 
 /// Length of the step response of models, in electromechanical time constants, and its samples.
@@ -253,12 +308,13 @@ const BODE_DECADES: f64 = 2.0;
 fn models(arguments: &Arguments) -> Result<(), Failure> {
     let models = [read_model(&arguments.first)?, read_model(&arguments.second)?];
     let mut text = format!("  {:<42} {:>10} {:>10} {:>10}\n", "constant", "first", "second", "change");
-    let mut parameters = Vec::new();
+    let (mut parameters, mut rows) = (Vec::new(), Vec::new());
     let mut row = |name: &str, a: Option<f64>, b: Option<f64>| {
         let change = a.zip(b).filter(|(a, _)| *a != 0.0).map(|(a, b)| 100.0 * (b / a - 1.0));
         let or_dash = |value: Option<f64>| value.map_or("-".into(), short);
         let percent = change.map_or("-".into(), |change| format!("{} %", short(change)));
         text += &format!("  {name:<42} {:>10} {:>10} {percent:>10}\n", or_dash(a), or_dash(b));
+        rows.push([code([name]), number(or_dash(a)), number(or_dash(b)), number(percent)]);
         parameters.push(json!({ "name": name, "first": a, "second": b, "change_percent": change }));
     };
     for ((name, a), (_, b)) in models[0].motor.named().into_iter().zip(models[1].motor.named()) {
@@ -276,11 +332,12 @@ fn models(arguments: &Arguments) -> Result<(), Failure> {
     }
     let corner_rad_per_s = corner_rad_per_s(&models[0]);
     text += "\n  magnitude of speed over voltage (linear part), dB re 1 rad/s/V\n";
-    let mut magnitudes = Vec::new();
+    let (mut magnitudes, mut in_decibels) = (Vec::new(), Vec::new());
     for relative in RELATIVE_FREQUENCIES {
         let omega = relative * corner_rad_per_s;
         let [a, b] = [0, 1].map(|index| 20.0 * speed(&models[index].motor).at(Complex::new(0.0, omega)).norm().log10());
         text += &format!("  {:>10} Hz {a:>29.2} {b:>12.2} {:>7} dB\n", short(omega / TAU), fixed(b - a, 2));
+        in_decibels.push([short(omega / TAU), fixed(a, 2), fixed(b, 2), fixed(b - a, 2)].map(number));
         magnitudes.push(json!({ "frequency_Hz": omega / TAU, "first_dB": a, "second_dB": b }));
     }
     let interval_s = STEP_LENGTH / corner_rad_per_s / STEP_SAMPLES as f64;
@@ -298,14 +355,21 @@ fn models(arguments: &Arguments) -> Result<(), Failure> {
         "step": { "voltage_V": arguments.voltage, "first_rad_per_s": a, "second_rad_per_s": b },
     });
     let [first, second] = steps;
-    let step = Panel::new("speed after the step, rad/s").line("first", first).line("second", second);
-    let [gain, phase] = bode(&models, corner_rad_per_s);
+    let names = arguments.names();
+    let names = names.each_ref().map(String::as_str);
+    let step = Panel::new("speed after the step, rad/s").line(names[0], first).line(names[1], second);
+    let [gain, phase] = bode(&models, names, corner_rad_per_s);
     let verdict = format!("after {} V they turn at {} and {} rad/s", short(arguments.voltage), short(a), short(b));
-    finish(arguments, &result, (&verdict, &text), &(interval_s, vec![step, gain, phase]))
+    let figures = html! {
+        (page_table(&["constant", names[0], names[1], "change"], rows))
+        p { "Magnitude of speed over voltage of the linear part, in dB re 1 rad/s/V:" }
+        (page_table(&["Hz", names[0], names[1], "change"], in_decibels))
+    };
+    finish(arguments, &result, Said { verdict: &verdict, text: &text, figures }, &(interval_s, vec![step, gain, phase]))
 }
 
 /// Gain and phase of the linear parts, around the motor's own frequency.
-fn bode(models: &[Model; 2], corner_rad_per_s: f64) -> [Panel; 2] {
+fn bode(models: &[Model; 2], names: [&str; 2], corner_rad_per_s: f64) -> [Panel; 2] {
     let omegas: Vec<f64> = (0..=BODE_POINTS)
         .map(|point| corner_rad_per_s * 10f64.powf(BODE_DECADES * (2.0 * point as f64 / BODE_POINTS as f64 - 1.0)))
         .collect();
@@ -314,8 +378,8 @@ fn bode(models: &[Model; 2], corner_rad_per_s: f64) -> [Panel; 2] {
         let line =
             |model: &Model| omegas.iter().map(|omega| of(speed(&model.motor).at(Complex::new(0.0, *omega)))).collect();
         Panel::over_frequencies(title, frequencies_hz.clone())
-            .line("first", line(&models[0]))
-            .line("second", line(&models[1]))
+            .line(names[0], line(&models[0]))
+            .line(names[1], line(&models[1]))
     };
     [
         panel("gain, dB re 1 rad/s/V", |response| 20.0 * response.norm().log10()),
@@ -362,16 +426,24 @@ fn constants(arguments: &Arguments) -> Result<(), Failure> {
     };
     let (first, second) = (read(&arguments.first)?, read(&arguments.second)?);
     let mut text = format!("  {:<28} {:>12} {:>12} {:>8}\n", "constant", "first", "second", "sigmas");
-    let (mut rows, mut far) = (Vec::new(), 0);
+    let (mut rows, mut cells, mut far) = (Vec::new(), Vec::new(), 0);
     for (name, a) in first.as_object().into_iter().flatten() {
         let end = |of: &Value, side: usize| of["ci95"][side].as_f64();
         let known = |of: &Value| Some((of["value"].as_f64()?, 0.5 * (end(of, 1)? - end(of, 0)?) / Z95));
         let Some(((a, a_error), (b, b_error))) = known(a).zip(known(&second[name])) else { continue };
         let sigmas = (b - a) / a_error.hypot(b_error).max(f64::MIN_POSITIVE);
         text += &format!("  {name:<28} {:>12} {:>12} {sigmas:>8.1}\n", short(a), short(b));
+        cells.push([code([&**name]), number(short(a)), number(short(b)), number(format!("{sigmas:.1}"))]);
         far += usize::from(sigmas.abs() > FAR);
         rows.push(json!({ "name": name, "first": a, "second": b, "sigmas": sigmas }));
     }
     let verdict = format!("{far} of {} constants differ by more than {FAR} standard deviations", rows.len());
-    finish(arguments, &json!({ "parameters": rows }), (&verdict, &text), &(1.0, Vec::new()))
+    let [first, second] = arguments.names();
+    let figures = page_table(&["constant", &first, &second, "standard deviations"], cells);
+    finish(
+        arguments,
+        &json!({ "parameters": rows }),
+        Said { verdict: &verdict, text: &text, figures },
+        &(1.0, Vec::new()),
+    )
 }

@@ -43,7 +43,7 @@ pub struct Arguments {
     pub(super) port: PortArguments,
     /// Lines of the console.
     lines: Vec<String>,
-    /// One line of JSON for each line of the console, for programs.
+    /// Prints one line of JSON for each line of the console, instead of text.
     #[arg(long, value_name = TERMINAL, num_args = 0..=1, require_equals = true, default_missing_value = TERMINAL, value_parser = [TERMINAL])]
     json: Option<String>,
 }
@@ -68,7 +68,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         let firmware = &console.link.firmware;
         let greeting =
             format!("{firmware} at {name}, program {VERSION}; help lists the commands, an empty line stops the motor");
-        println!("{}", if stdout().is_terminal() { narrow(&greeting) } else { greeting });
+        print_line(&greeting);
     }
     console.converse(&stopped)
 }
@@ -277,8 +277,8 @@ impl Console {
         for reply in replies {
             let word = reply.split_whitespace().next().unwrap_or_default();
             match explanation(word).filter(|_| lists) {
-                Some(explanation) => println!("{reply}, {explanation}"),
-                None => println!("{reply}"),
+                Some(explanation) => print_line(&format!("{reply}, {explanation}")),
+                None => print_line(reply),
             }
         }
     }
@@ -310,6 +310,11 @@ impl Drop for Console {
 fn single_lines(text: &str) -> impl Iterator<Item = &str> {
     let is_empty = text.trim().is_empty();
     motorbench_link::lines(text).filter(move |line| is_empty || !line.trim().is_empty())
+}
+
+/// Prints a line, which a terminal gets broken to its width.
+fn print_line(line: &str) {
+    println!("{}", if stdout().is_terminal() { narrow(line) } else { line.into() });
 }
 
 /// Reason for not sending a line.

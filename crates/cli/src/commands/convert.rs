@@ -52,7 +52,7 @@ pub struct Arguments {
     /// The CSV target gets decimal commas (1,5 for 1.5), with semicolons between values.
     #[arg(long)]
     to_decimal_comma: bool,
-    /// Prints a summary as JSON.
+    /// Prints a summary as JSON instead of text, or writes it into a file.
     #[arg(long, value_name = JSON_TO, num_args = 0..=1, require_equals = true, default_missing_value = TERMINAL)]
     json: Option<PathBuf>,
 }

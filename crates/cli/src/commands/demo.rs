@@ -66,7 +66,7 @@ pub struct Arguments {
     /// Page with plots; default: motorbench-demo-SEED.html, unless that file exists or --json is given.
     #[arg(long, value_name = "FILE.html", overrides_with = "report")]
     report: Option<PathBuf>,
-    /// Prints the result as JSON instead of text.
+    /// Prints the result as JSON instead of text, or writes it into a file.
     #[arg(long, value_name = JSON_TO, num_args = 0..=1, require_equals = true, default_missing_value = TERMINAL)]
     json: Option<PathBuf>,
     /// Writes the recording for the other commands, and beside it a rig file with values as of a data sheet (.rig.toml).

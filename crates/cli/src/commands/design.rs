@@ -1,7 +1,9 @@
 //! `motorbench design`: gains for a specification or for weights.
 
 use super::analyse::motor_of;
-use super::{Failure, JSON_TO, Outputs, TERMINAL, provenance, read_model, read_rig, spinner, write, write_json};
+use super::{
+    Failure, JSON_TO, Outputs, TERMINAL, open_next, provenance, read_model, read_rig, spinner, write, write_json,
+};
 use clap::{ArgGroup, Args};
 use host_sim::scenario::refusal;
 use motorbench_core::settings::Settings;
@@ -28,7 +30,8 @@ mod sketch;
 #[command(group(ArgGroup::new("motor").required(true).multiple(true)))]
 #[command(group(ArgGroup::new("largest_voltage")))]
 #[command(override_usage = "motorbench design --speed|--position
-       --bandwidth-Hz HZ|--settling-s S|--q Q --r R|--largest X --largest-V V
+       --bandwidth-Hz HZ|--settling-s S
+       |--q Q --r R|--largest X --largest-V V
        --rig RIG.toml [--model MODEL.toml] [OPTIONS]")]
 #[command(after_help = "Examples:
   motorbench design --rig rig.toml --speed --bandwidth-Hz 10
@@ -162,43 +165,11 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         let model = model.unwrap_or_else(|| model_of(&losses, &motor));
         let overshoot_percent = arguments.overshoot_percent;
         let asked = Asked { bandwidth_hz, overshoot_percent, sample_s: 1e-3 * sample_ms };
-        let found = sketch::Found::new(&model, &bench, &asked, arguments.position).map_err(Failure::input)?;
-        if let Some(path) = &arguments.json {
-            write_json(path, &found.json())?;
-        }
-        outputs.say(&found.page(&asked));
-        outputs.wrote("");
-        return Ok(());
+        return for_a_sketch(arguments, &outputs, &model, &bench, &asked);
     }
-    let specification = arguments.specification(&bench)?;
     let compensation = arguments.compensation(&motor, &rig, model.as_ref())?;
     let extended = model.filter(|model| !model.terms.is_empty());
-    let busy = spinner();
-    let (mut designs, mut refused, mut trials) = (Vec::new(), Vec::new(), Vec::new());
-    for law in arguments.laws() {
-        busy.set_message(format!("{}: weights, margins, 30 % off in everything, on the core", law.title()));
-        let offered = design(&motor, &bench, law, &specification).and_then(|design| {
-            let settings = compensation.added_to(&design.settings)?;
-            let trial = extended.as_ref().map(|model| trial_with_effects(model, &design, &settings.all)).transpose()?;
-            Ok((design, trial))
-        });
-        match offered {
-            Ok((design, trial)) => {
-                designs.push(design);
-                trials.extend(trial);
-            }
-            Err(error) => refused.push(Refused { law, why: error.to_string() }),
-        }
-    }
-    if designs.is_empty() {
-        busy.set_message("what can be met");
-        let mut whys: Vec<String> = refused.into_iter().map(|refused| refused.why).collect();
-        whys.dedup();
-        whys.extend(arguments.laws().into_iter().filter_map(|law| met(law, &motor, &bench, &specification)));
-        busy.finish_and_clear();
-        return Err(Failure::input(whys.join("\n")));
-    }
-    busy.finish_and_clear();
+    let Offered { designs, refused, trials } = offers(arguments, &motor, &bench, &compensation, extended.as_ref())?;
     let mut settings = SettingList::default();
     designs.iter().for_each(|design| settings.merge(&design.settings));
     let settings = compensation.added_to(&settings).map_err(Failure::input)?;
@@ -225,8 +196,70 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
     let next =
         arguments.console.as_ref().map(|lines| format!("motorbench send {}", quoted(&lines.display().to_string())));
-    outputs.wrote(&next.unwrap_or_default());
+    outputs.wrote(&next.unwrap_or_else(|| open_next(arguments.report.as_deref())));
     Ok(())
+}
+
+/// Gains for a sketch in place of the firmware.
+fn for_a_sketch(
+    arguments: &Arguments,
+    outputs: &Outputs,
+    model: &Model,
+    bench: &Bench,
+    asked: &Asked,
+) -> Result<(), Failure> {
+    let found = sketch::Found::new(model, bench, asked, arguments.position).map_err(Failure::input)?;
+    if let Some(path) = &arguments.json {
+        write_json(path, &found.json())?;
+    }
+    outputs.say(&found.page(asked));
+    outputs.wrote("");
+    Ok(())
+}
+
+/// The designs for the laws that were asked for, at least one.
+struct Offered {
+    designs: Vec<Design>,
+    refused: Vec<Refused>,
+    trials: Vec<TrialWithEffects>,
+}
+
+/// Designs each law, and tries it on the motor with its effects. If all are refused, the error says what can be met.
+fn offers(
+    arguments: &Arguments,
+    motor: &MotorParameters,
+    bench: &Bench,
+    compensation: &Compensation,
+    extended: Option<&Model>,
+) -> Result<Offered, Failure> {
+    let specification = arguments.specification(bench)?;
+    let busy = spinner();
+    let mut offered = Offered { designs: Vec::new(), refused: Vec::new(), trials: Vec::new() };
+    for law in arguments.laws() {
+        busy.set_message(format!("{}: weights, margins, 30 % off in everything, on the core", law.title()));
+        let tried = design(motor, bench, law, &specification).and_then(|design| {
+            let settings = compensation.added_to(&design.settings)?;
+            let trial = extended.map(|model| trial_with_effects(model, &design, &settings.all)).transpose()?;
+            Ok((design, trial))
+        });
+        match tried {
+            Ok((design, trial)) => {
+                offered.designs.push(design);
+                offered.trials.extend(trial);
+            }
+            Err(error) => offered.refused.push(Refused { law, why: error.to_string() }),
+        }
+    }
+    if offered.designs.is_empty() {
+        busy.set_message("what can be met");
+        let mut whys: Vec<String> = offered.refused.into_iter().map(|refused| refused.why).collect();
+        whys.dedup();
+        whys.extend(arguments.laws().into_iter().filter_map(|law| met(law, motor, bench, &specification)));
+        busy.finish_and_clear();
+        return Err(Failure::input(whys.join("\n")));
+    }
+    busy.finish_and_clear();
+    Ok(offered)
 }
 
 /// What a law can meet instead of a specification.

@@ -31,7 +31,7 @@ pub struct Arguments {
     /// Speed of the replay, as a multiple of real time.
     #[arg(long, default_value_t = 1.0, value_parser = rate, allow_negative_numbers = true)]
     speed: f64,
-    /// Prints a summary as JSON.
+    /// Prints a summary as JSON instead of text, or writes it into a file.
     #[arg(long, value_name = JSON_TO, num_args = 0..=1, require_equals = true, default_missing_value = TERMINAL)]
     json: Option<PathBuf>,
 }

@@ -13,7 +13,7 @@ use std::path::PathBuf;
 pub struct CompletionsArguments {
     /// The shell.
     shell: clap_complete::Shell,
-    /// Prints shell and script as JSON.
+    /// Prints shell and script as JSON instead of the script, or writes them into a file.
     #[arg(long, value_name = JSON_TO, num_args = 0..=1, require_equals = true, default_missing_value = TERMINAL)]
     json: Option<PathBuf>,
 }
@@ -44,7 +44,7 @@ pub struct ManArguments {
     /// Command to describe; default: the program.
     #[arg(value_parser = named)]
     command: Option<Box<Command>>,
-    /// Prints commands, arguments, values and defaults as JSON instead of the page.
+    /// Prints commands, arguments, values and defaults as JSON instead of the page, or writes them into a file.
     #[arg(long, value_name = JSON_TO, num_args = 0..=1, require_equals = true, default_missing_value = TERMINAL)]
     json: Option<PathBuf>,
 }

@@ -309,7 +309,7 @@ fn rig_for(named: Option<&Path>, recording: Option<&Path>) -> Result<Rig, Failur
 #[cfg(feature = "chip")]
 fn firmware() -> Result<PathBuf, ProgramError> {
     let bar = spinner();
-    let building = "the firmware is built; the first time takes a minute";
+    let building = "building the firmware; the first time takes a minute";
     bar.set_message(building);
     let elf = firmware_at_hand(
         || {

@@ -164,7 +164,7 @@ fn take_back_watch(link: &mut Link<Port>) -> Result<(), BoardError> {
 #[command(after_help = "Example:
   motorbench ports --json")]
 pub struct PortsArguments {
-    /// Prints the list as JSON.
+    /// Prints the list as JSON instead of text, or writes it into a file.
     #[arg(long, value_name = JSON_TO, num_args = 0..=1, require_equals = true, default_missing_value = TERMINAL)]
     json: Option<PathBuf>,
 }

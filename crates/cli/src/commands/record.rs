@@ -102,7 +102,7 @@ pub struct Arguments {
     out: Option<PathBuf>,
     #[command(flatten)]
     live: LiveArguments,
-    /// Prints the side file instead of text.
+    /// Prints the side file, which is JSON, instead of text, or writes it into a file.
     #[arg(long, value_name = JSON_TO, num_args = 0..=1, require_equals = true, default_missing_value = TERMINAL)]
     json: Option<PathBuf>,
 }
@@ -301,7 +301,7 @@ fn with_limit(failure: Failure, ended: &Ended) -> Failure {
 /// Sends samples to plotters until an error occurs. An error of a plotter must not cost a recording.
 fn send(live: &mut Option<Live>, samples: &[Sample], settings: &Settings) {
     if let Some(Err(error)) = live.as_ref().map(|live| live.send_samples(samples, settings)) {
-        eprintln!("sending to the plotter has stopped: {error}");
+        tell(&format!("sending to the plotter has stopped: {error}"));
         *live = None;
     }
 }

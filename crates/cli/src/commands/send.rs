@@ -25,7 +25,7 @@ pub struct Arguments {
     /// Keeps the settings in the board's EEPROM.
     #[arg(long)]
     save: bool,
-    /// Prints what was sent as JSON.
+    /// Prints what was sent as JSON instead of text, or writes it into a file.
     #[arg(long, value_name = JSON_TO, num_args = 0..=1, require_equals = true, default_missing_value = TERMINAL)]
     json: Option<PathBuf>,
 }

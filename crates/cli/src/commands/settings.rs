@@ -21,7 +21,7 @@ pub struct Arguments {
     /// Name of a setting, or how names begin; default: all.
     #[arg(value_name = "NAME")]
     name: Option<String>,
-    /// Prints the settings as JSON, or writes them into a file.
+    /// Prints the settings as JSON instead of text, or writes them into a file.
     #[arg(long, value_name = JSON_TO, num_args = 0..=1, require_equals = true, default_missing_value = TERMINAL)]
     json: Option<PathBuf>,
 }
@@ -54,7 +54,10 @@ fn unit(param: Param) -> String {
 /// A setting on two lines.
 fn lines(param: Param) -> String {
     let (default, (least, most)) = (Settings::defaults().get(param), param.range());
-    let head = format!("{} = {default} {}, {least} to {most}", setting_name(param), unit(param));
+    // A share has no unit to read, and a choice shows its range.
+    let unit = Some(unit(param)).filter(|unit| unit.starts_with(char::is_alphabetic));
+    let unit = unit.map_or_else(String::new, |unit| format!(" {unit}"));
+    let head = format!("{} = {default}{unit}, {least} to {most}", setting_name(param));
     wrapped(&head, "", "    ") + &wrapped(help(param), "    ", "    ")
 }
 

@@ -3,7 +3,7 @@
 mod page;
 mod pairing;
 
-use super::compare::{Drawn, agreement, drawn, place};
+use super::compare::{Drawn, agreement, drawn, is_of_the_motor, place};
 use super::files::beside;
 use super::simulate::{judged, trip_name};
 use super::{
@@ -25,8 +25,9 @@ use motorbench_diagnosis::diagnose::diagnose;
 use motorbench_report::comparison_page::{self, Compared};
 use motorbench_report::diagnosis_text::verdict;
 use motorbench_report::panels::{Panel, panels};
+use motorbench_report::plot::capital;
 use motorbench_report::web_page::Provenance;
-use page::page;
+use page::{figures_html, page};
 use pairing::{NOTHING_BEYOND, agrees_by_course, agrees_by_mode, compared, is_short};
 use serde_json::{Value, json};
 use std::f64::consts::TAU;
@@ -112,8 +113,15 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         write_plot(path, &panels(interval_s, &drawn))?;
     }
     if let Some(path) = &arguments.report {
-        let (title, kind, verdict) = ("motorbench validate", "Closed loops, measured and simulated", sentence(&loops));
-        let compared = Compared { title, kind, verdict, panels: &drawn, interval_s, figures: &text };
+        let compared = Compared {
+            title: "motorbench validate",
+            kind: "Closed loops, measured and simulated",
+            verdict: sentence(&loops),
+            conclusions: conclusions(&loops, &remaining),
+            panels: &drawn,
+            interval_s,
+            figures: figures_html(&loops),
+        };
         write(path, &comparison_page::html(&compared, arguments.provenance()))?;
     }
     if let Some(path) = &arguments.json {
@@ -129,8 +137,20 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
 
 /// How well the loops agree in what the motor does and in its current, in a sentence.
 fn sentence(loops: &[Loop]) -> String {
-    let of_loop = |one: &Loop| format!("{}: simulated and measured {}", one.name, agreement(&one.compared));
-    loops.iter().map(of_loop).collect::<Vec<_>>().join(". ")
+    let of_loop =
+        |one: &Loop| format!("{}: simulation and measurement {}.", capital(&one.name), agreement(&one.compared));
+    loops.iter().map(of_loop).collect::<Vec<_>>().join(" ")
+}
+
+/// What the page says below: what the models lack, and notes on the recordings.
+fn conclusions(loops: &[Loop], remaining: &[String]) -> Vec<String> {
+    let notes = loops.iter().flat_map(|one| one.notes.iter().map(|note| format!("{}: {note}", one.name)));
+    remaining
+        .iter()
+        .cloned()
+        .chain(notes)
+        .map(|text| capital(&text) + if text.ends_with('.') { "" } else { "." })
+        .collect()
 }
 
 impl Arguments {
@@ -275,12 +295,13 @@ fn picture(loops: &[Loop]) -> Drawn {
                 .line(&format!("{}, measured", one.name), sampled(one, &difference.second))
         });
         let apart = found.iter().any(|(_, difference)| difference.differs()).then(|| {
-            let new = Panel::new(&found[0].1.title_of_difference(["simulated", "measured"]));
+            let new = Panel::new(&found[0].1.title_of_difference(["simulated", "measured"])).difference();
             found.iter().fold(new, |panel, (one, difference)| {
                 panel.line(&one.name, sampled(one, &difference.second_less_first()))
             })
         });
-        [both].into_iter().chain(apart)
+        let is_aside = !is_of_the_motor(channel);
+        [both].into_iter().chain(apart).map(move |panel| panel.aside(is_aside))
     };
     (interval_s, shared(loops).into_iter().flat_map(of_channel).collect())
 }

@@ -18,20 +18,20 @@ use std::path::PathBuf;
   motorbench virtual --eeprom board.bin \\
     --with 'effect cogging cosine_Nm=0.002 sine_Nm=0 periods_per_rev=7'
 
-While it runs it takes lines, as --with does for its start:
+While it runs it takes lines. --with gives the same ones at the start:
   motor resistance_ohm=7              constants of the motor, as in a model file
   effect coulomb_friction torque_Nm=0.02
                                       an effect of the catalogue
   effect coulomb_friction off         without it
   model FILE.toml                     another motor with its effects
   load NM, brake NM, supply V, block on|off, turn DEGREES (and hold)
-  encoder ok|unplugged|swapped|a-open|b-open|a-high|b-high|a-low|b-low|shorted|
-  noisy|slipping, current ok|open|high|low|frozen, adc ok|dead, uart ok|stuck,
-  supply dip
+  encoder ok|unplugged|swapped|slipping|noisy|shorted
+  encoder a-open|b-open|a-high|b-high|a-low|b-low
+  current ok|open|high|low|frozen, adc ok|dead, uart ok|stuck, supply dip
   stop on|off (the emergency stop), reset, quit, wait S
-From elsewhere --tell says them to the board that runs, and comes back when they
-are done: turn once the rotor is there, wait after so many seconds of the chip's
-time. The socket beside the port takes them as well, and answers ok or error.
+From another terminal --tell sends them, and ends when they are done: turn when
+the rotor is there, wait after so many seconds of the chip's time. The socket
+beside the port takes them as well, and answers ok or error.
   motorbench virtual --tell 'brake 0.01' --tell 'wait 2'")]
 pub struct Arguments {
     /// Motor and supply from a rig file; without it the test stand's motor with friction and an L293D.
@@ -40,26 +40,26 @@ pub struct Arguments {
     /// A model with effects, as motorbench diagnose writes it.
     #[arg(long)]
     model: Option<PathBuf>,
-    /// Where the port is to be found; at the usual place the other commands find it without --port.
+    /// Path of the port. At the usual place the other commands find it without --port.
     #[arg(long, default_value = USUAL_LINK)]
     link: PathBuf,
-    /// Keeps the board's EEPROM between runs, 1024 bytes; it is made when it is not there.
+    /// File that keeps the board's EEPROM between runs (1024 bytes). It is created if it is missing.
     #[arg(long, value_name = "FILE")]
     eeprom: Option<PathBuf>,
-    /// A line as while it runs, for its start.
+    /// A line of those below, given at the start.
     #[arg(long = "with", value_name = "LINE")]
     with: Vec<String>,
-    /// Says a line to the board that runs at --link, instead of starting one.
+    /// Sends a line to the board that runs at --link, instead of starting one.
     #[arg(long, value_name = "LINE", conflicts_with_all = ["rig", "model", "eeprom", "with", "firmware", "seconds"])]
     tell: Vec<String>,
-    /// Firmware to run, as ELF file; without it this program's own, which is built unless it is there and newer than its
+    /// Firmware to run (an ELF file). Default: that of this program, which is built if it is missing or older than its
     /// sources.
     #[arg(long, value_name = "ELF")]
     firmware: Option<PathBuf>,
-    /// Holds the chip's time for a program that is late in reading, so many seconds; on a busy computer more.
+    /// How long the chip's time waits for a program that reads late, in s. On a busy computer it waits longer.
     #[arg(long, value_name = "S", default_value_t = 0.5, value_parser = seconds)]
     wait_for_reader: f64,
-    /// Ends after so many seconds.
+    /// Ends after this many seconds.
     #[arg(long, value_name = "S", value_parser = seconds)]
     seconds: Option<f64>,
     /// Prints one line of JSON when the board is ready, and one for each line from the terminal.
@@ -105,7 +105,9 @@ mod with_chip {
     use host_sim::plant::ModelPlant;
     use motorbench_chip::{Bench, EEPROM_BYTES, Rig as Circuit, Tachogenerator};
     use motorbench_data::rig::Rig;
+    use motorbench_link::port::USUAL_LINK;
     use motorbench_link::virtual_control::{Starting, VirtualControl, control_path};
+    use motorbench_text::terminal_text::{fitted, quoted};
     use rustix::event::{PollFd, PollFlags, Timespec, poll};
     use rustix::fs::OFlags;
     use rustix::io::{ioctl_fionbio, ioctl_fionread};
@@ -320,6 +322,15 @@ mod with_chip {
         }
     }
 
+    /// What comes next, for a board at this place.
+    fn next(link: &Path) -> String {
+        let port = match link == Path::new(USUAL_LINK) {
+            true => String::new(),
+            false => format!(" --port {}", quoted(&link.display().to_string())),
+        };
+        format!("next, in another terminal: motorbench record{port}")
+    }
+
     fn serve(
         arguments: &Arguments,
         bench: &mut Bench<ModelPlant>,
@@ -339,7 +350,9 @@ mod with_chip {
         if arguments.json.is_some() {
             println!("{}", ready(&named, &name, &control, greeting.as_deref(), &surroundings));
         } else {
-            println!("virtual board at {} ({name}); lines change it:\n{ORDERS}", named.0.display());
+            let at = named.0.display();
+            let next = next(&named.0);
+            print!("{}", fitted(&format!("virtual board at {at} ({name}); lines change it:\n{ORDERS}\n{next}\n")));
         }
         let (begun, ended) = (Instant::now(), super::super::interaction::on_interrupt()?);
         let mut clock = Clock::new(Duration::from_secs_f64(arguments.wait_for_reader));
@@ -546,12 +559,12 @@ mod with_chip {
         }
     }
 
-    /// Standard input while this program has the terminal: who reads from it in the background (`&`) is stopped by the system,
-    /// and the board with it.
+    /// Standard input while this program has the terminal. The system stops a program that reads from it in the background
+    /// (`&`), and the board with it.
     struct Foreground;
 
     impl Foreground {
-        /// What is no terminal, or another's, is read at any time.
+        /// An input that is no terminal, or another program's, can be read at any time.
         fn has_terminal() -> bool {
             !tcgetpgrp(stdin()).is_ok_and(|group| group != getpgrp())
         }

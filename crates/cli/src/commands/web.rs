@@ -5,7 +5,7 @@ mod http;
 
 use super::interaction::on_interrupt;
 use super::port::PortArguments;
-use super::{Failure, JSON_TO, TERMINAL};
+use super::{Failure, JSON_TO, TERMINAL, tell};
 use clap::Args;
 use http::{Request, respond};
 use rand::{Rng, SeedableRng};
@@ -47,7 +47,7 @@ pub struct Arguments {
     /// Prints the address and opens no browser.
     #[arg(long)]
     no_open: bool,
-    /// Prints the address as JSON.
+    /// Prints the address as JSON instead of text.
     #[arg(long, value_name = JSON_TO, num_args = 0..=1, require_equals = true, default_missing_value = TERMINAL, value_parser = [TERMINAL])]
     json: Option<String>,
 }
@@ -79,7 +79,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         None => println!("{address}\nCtrl-C ends it."),
     }
     if !arguments.no_open && !opened(&address) {
-        eprintln!("no browser could be opened: open the address in one");
+        tell("no browser could be opened: open the address in one");
     }
     while !server.stopped.load(Ordering::Relaxed) {
         match listener.accept() {

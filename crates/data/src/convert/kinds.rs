@@ -239,7 +239,7 @@ fn two_timeseries() -> Vec<u8> {
     bytes
 }
 
-/// Two timeseries in an object that holds them, as Simulink saves a Dataset: one has its times one by one, the other as
+/// Two timeseries in an object that holds them, as Simulink saves a Dataset. One has its times one by one, the other has
 /// start, step and number.
 #[test]
 fn signals_of_matlab_objects_have_their_names() {

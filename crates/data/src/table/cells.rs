@@ -5,8 +5,8 @@ use jiff::civil::{Date, DateTime, Time};
 use jiff::{SignedDuration, Timestamp};
 use std::borrow::Cow;
 
-/// What programs print where there is no number: empty cells, the words of languages and spreadsheets, and Arduino's
-/// `ovf` of a value that is too great for its `print`.
+/// What programs print where there is no number: empty cells, and the words of languages and spreadsheets. Arduino's
+/// `print` says `ovf` of a value that is too great for it.
 const MISSING: [&str; 22] = [
     "",
     "nan",

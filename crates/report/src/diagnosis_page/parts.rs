@@ -1,6 +1,6 @@
 //! The plots of a diagnosis.
 
-use crate::plot::{AFTER, BEFORE, HEIGHT, LOW, MEASURED, Mark, OTHERS, Plot};
+use crate::plot::{AFTER, BEFORE, HEIGHT, LOW, MEASURED, Mark, OTHERS, Plot, capital, quantity};
 use crate::web_page::text;
 use maud::{Markup, html};
 use motorbench_diagnosis::dataset::Dataset;
@@ -89,17 +89,6 @@ pub fn curve(what: &str, dependence: &Dependence) -> Markup {
 pub fn quantity_over_time(data: &Dataset, what: &str, values: &[f64]) -> Markup {
     let plot = Plot::new("time, s", what).high(LOW).in_group(OVER_TIME).line("it", MEASURED, points(data, values));
     plot.figure(&text(format!("{} over time", quantity(what))))
-}
-
-/// The name of an axis without its unit.
-pub fn quantity(axis: &str) -> &str {
-    axis.split_once(',').map_or(axis, |(quantity, _)| quantity)
-}
-
-/// With a capital letter.
-pub fn capital(name: &str) -> String {
-    let mut letters = name.chars();
-    letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
 }
 
 /// Name and unit of the quantity that a model lacks.

@@ -2,6 +2,7 @@
 
 use crate::commands::Failure;
 use crate::terminal_plot::{chart, range, side_by_side};
+use host_sim::figures::{Figures, step_figures};
 use host_sim::trial::{Point, Trial};
 use maud::{Markup, html};
 use motorbench_core::message::Mode;
@@ -14,8 +15,8 @@ use motorbench_diagnosis::diagnose::Diagnosis;
 use motorbench_model::Model;
 use motorbench_model::motor::MotorParameters;
 use motorbench_report::panels::{Panel, figures};
-use motorbench_report::web_page::{lines, table, text};
-use motorbench_text::terminal_text::short;
+use motorbench_report::web_page::{lines, number, table, text};
+use motorbench_text::terminal_text::{fixed, short};
 use std::ops::RangeInclusive;
 
 /// Bandwidth of the speed loop, its references, and the time for each.
@@ -33,6 +34,8 @@ struct TriedLoop {
     /// Root mean square errors of the true speed: for the slow references, and for all.
     slow_rms: f64,
     all_rms: f64,
+    /// Of each reference.
+    figures: Vec<Figures>,
     points: Vec<Point>,
 }
 
@@ -49,9 +52,9 @@ impl TriedLoop {
     }
 
     fn json(&self) -> serde_json::Value {
-        let Self { name, slow_rms, all_rms, .. } = self;
+        let Self { name, slow_rms, all_rms, figures, .. } = self;
         serde_json::json!({
-            "design": name, "standstill_rms_rad_per_s": slow_rms, "all_rms_rad_per_s": all_rms
+            "design": name, "standstill_rms_rad_per_s": slow_rms, "all_rms_rad_per_s": all_rms, "figures": figures
         })
     }
 }
@@ -91,8 +94,29 @@ impl Loops {
         };
         let [first, last] = courses.each_ref().map(|courses| courses.each_ref().map(Vec::as_slice));
         let plots = [plot("before, by the data sheet", before, first), plot("after, by what was found", after, last)];
+        let [before_rms, after_rms] = [before, after].map(|attempt| short(attempt.all_rms));
         format!("Its speed loop of {BANDWIDTH_HZ} Hz, {end_s:.1} s about standstill (dots: reference), rms error:\n")
-            + &side_by_side(plots, lines.saturating_sub(1).clamp(*PICTURE_ROWS.start(), *PICTURE_ROWS.end()))
+            + &side_by_side(plots, lines.saturating_sub(2).clamp(*PICTURE_ROWS.start(), *PICTURE_ROWS.end()))
+            + &format!("the same with all references, to 60 rad/s: {before_rms} before, {after_rms} after\n")
+    }
+
+    /// The figures of each reference before and after, those that became worse too.
+    fn figures_table(&self) -> Markup {
+        let [before, _, after] = &self.attempts;
+        let or_dash = |value: Option<f64>, digits| value.map_or("-".into(), |value| fixed(value, digits));
+        let row = |name: &str, figures: &Figures| {
+            let rest = [
+                or_dash(figures.rise_s, 3),
+                or_dash(figures.settling_s, 3),
+                or_dash(figures.overshoot_percent, 1),
+                or_dash(figures.steady_error, 3),
+                fixed(figures.peak_a, 3),
+            ];
+            [text(short(figures.to)), text(name)].into_iter().chain(rest.map(number)).collect::<Vec<_>>()
+        };
+        let pairs = before.figures.iter().zip(&after.figures);
+        let rows = pairs.flat_map(|(before, after)| [row("before", before), row("after", after)]);
+        table(&["to, rad/s", "loop", "rise, s", "settled, s", "over, %", "error, rad/s", "peak, A"], rows)
     }
 
     /// As JSON.
@@ -113,7 +137,7 @@ impl Loops {
         let interval_s = HOLD_S * REFERENCES_RAD_PER_S.len() as f64 / self.attempts[0].points.len() as f64;
         let plots =
             [panel("speed, rad/s", |of| &of.points), panel("speed about standstill, rad/s", TriedLoop::slow_points)]
-                .map(|panel| figures(interval_s, &[panel]));
+                .map(|panel| figures(interval_s, &[&panel]));
         let rows = self.attempts.iter().map(|TriedLoop { name, slow_rms, all_rms, .. }| {
             let [slow_rms, all_rms] = [slow_rms, all_rms].map(|rms| format!("{} rad/s", short(*rms)));
             [text(name), text(slow_rms), text(all_rms)]
@@ -125,6 +149,8 @@ impl Loops {
                 p { (BANDWIDTH_HZ) " Hz, on the motor as it is." }
                 (slow) (all)
                 (table(&["speed error, rms", "about standstill", "in all"], rows))
+                p { "Each reference, before by the data sheet and after by what was found, compensated:" }
+                (self.figures_table())
                 h3 { "For the board's console" }
                 (lines(&self.commands.join("\n")))
             }
@@ -147,5 +173,7 @@ fn tracking(name: &'static str, truth: &Model, settings: Settings) -> Result<Tri
         let squares = points.iter().flatten().map(|point| (point.omega_rad_per_s - point.reference).powi(2));
         (squares.sum::<f64>() / points.iter().flatten().count() as f64).sqrt()
     };
-    Ok(TriedLoop { name, slow_rms: rms(&points[..SLOW]), all_rms: rms(&points), points: points.concat() })
+    let figures = points.iter().zip(REFERENCES_RAD_PER_S);
+    let figures = figures.map(|(points, to)| step_figures(points, |point| point.omega_rad_per_s, to)).collect();
+    Ok(TriedLoop { name, slow_rms: rms(&points[..SLOW]), all_rms: rms(&points), figures, points: points.concat() })
 }

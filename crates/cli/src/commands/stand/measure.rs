@@ -5,7 +5,7 @@ use crate::commands::interaction::{on_interrupt, typed_lines};
 use crate::commands::port::{PortArguments, SAME_COUNTS};
 use crate::commands::record::ended;
 use crate::commands::recording_files::table_file;
-use crate::commands::{Failure, cannot_write, write};
+use crate::commands::{Failure, cannot_write, tell, write};
 use clap::Args;
 use motorbench_core::settings::{Param, Settings};
 use motorbench_data::recording::Recording;
@@ -91,13 +91,13 @@ impl BoardArguments {
         same_encoder(rig, &settings)?;
         let plan = self.plan(&settings)?;
         if rig.motor.inductance_h.is_none() {
-            eprintln!(
-                "without inductance_H in the rig file the current is that at the end of the PWM period, a little less than its mean"
+            tell(
+                "without inductance_H in the rig file the current is that at the end of the PWM period, a little less than its mean",
             );
         }
         let findings = drive(&mut link, &settings, &rig.motor, &plan, &mut person, &mut |found| files.keep(found));
         if plan.positions > 0 || plan.sectors > 0 {
-            let_go(&port).unwrap_or_else(|why| eprintln!("{why}"));
+            let_go(&port).unwrap_or_else(|why| tell(&why));
         }
         let table = table(&save.display().to_string(), &findings.readings, files.loaded);
         // Without a table it would describe nothing, or an earlier table.

@@ -1,8 +1,10 @@
 //! The text of a comparison: fits, figures of each loop, and their order.
 
-use super::super::compare::table;
+use super::super::compare::{table, table_html};
 use super::{Loop, difference, shared};
 use host_sim::figures::{Figures, JUMP};
+use maud::{Markup, html};
+use motorbench_report::web_page::{self, lines, number};
 use motorbench_text::terminal_text::{rounded, short, wrapped};
 
 pub(super) fn page(loops: &[Loop], remaining: &[String]) -> String {
@@ -25,13 +27,32 @@ pub(super) fn page(loops: &[Loop], remaining: &[String]) -> String {
     text
 }
 
-/// Figures of one loop, a line each.
+/// The figures for a page. Several loops have a table that is too wide for one.
+pub(super) fn figures_html(loops: &[Loop]) -> Markup {
+    let [only] = loops else { return lines(&side_by_side(loops)) };
+    let rows = figures_rows(&only.figures);
+    html! {
+        (table_html(&only.compared))
+        @if !rows.is_empty() {
+            (web_page::table(&["at, s", "figure", "simulated", "measured"], rows.iter().map(|row| row.each_ref().map(number))))
+        }
+    }
+}
+
+/// Figures of one loop, a line each. An open loop has no reference, and none of them.
 fn figures_table(figures: &[Vec<Figures>; 2]) -> String {
-    if figures[0].is_empty() {
-        // An open loop has no reference.
+    let rows = figures_rows(figures);
+    if rows.is_empty() {
         return String::new();
     }
-    let mut text = String::from("  at, s    figure                     simulated     measured\n");
+    let head = "  at, s    figure                     simulated     measured\n";
+    let line = |[time, name, a, b]: [String; 4]| format!("  {time:<8} {name:<22} {a:>13} {b:>12}\n");
+    head.to_owned() + &rows.into_iter().map(line).collect::<String>()
+}
+
+/// Time, name, simulated and measured value of each figure.
+fn figures_rows(figures: &[Vec<Figures>; 2]) -> Vec<[String; 4]> {
+    let mut all = Vec::new();
     for (simulated, measured) in figures[0].iter().zip(&figures[1]) {
         let rows = [
             ("rise, s", simulated.rise_s, measured.rise_s),
@@ -44,11 +65,12 @@ fn figures_table(figures: &[Vec<Figures>; 2]) -> String {
         // A continuous reference has no rise time.
         let told = |(_, simulated, measured): &(_, Option<f64>, Option<f64>)| simulated.is_some() || measured.is_some();
         for (name, simulated_value, measured_value) in rows.into_iter().chain(largest).filter(told) {
-            let (time, a, b) = (short(simulated.time_s), or_dash(simulated_value, 3), or_dash(measured_value, 3));
-            text += &format!("  {time:<8} {name:<22} {a:>13} {b:>12}\n");
+            let values = [simulated_value, measured_value].map(|value| or_dash(value, 3));
+            let [simulated_text, measured_text] = values;
+            all.push([short(simulated.time_s), name.into(), simulated_text, measured_text]);
         }
     }
-    text
+    all
 }
 
 fn or_dash(value: Option<f64>, digits: i32) -> String {

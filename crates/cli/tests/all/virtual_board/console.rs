@@ -1,5 +1,6 @@
 //! The console of a board, typed by a person or sent by a script.
 
+use super::STEPS;
 use crate::board::{Board, text};
 use std::io::{BufRead, BufReader, Write};
 use std::process::{Child, ChildStdin, Command, Stdio};
@@ -166,4 +167,26 @@ fn nothing_is_left_in_the_line() {
         std::thread::sleep(std::time::Duration::from_millis(300));
         assert_eq!(rustix::io::ioctl_fionread(&line).unwrap(), 0, "{name} {arguments:?}");
     }
+}
+
+/// Encoder and current sensor are still those of a new board, and the motor does not fit them: a person who drives it hears
+/// of it once, and so does a recording. Scales that somebody has set are theirs.
+#[test]
+fn scales_that_the_samples_contradict_are_told() {
+    const CONTRADICTED: &str = "are still those of a new board, and the samples contradict them";
+    let board = Board::with("console-scales", &["--with", "motor resistance_ohm=16"]);
+    let (mut talk, mut fingers, _answers) = console(&board);
+    let told = BufReader::new(talk.stderr.take().unwrap()).lines().map(Result::unwrap);
+    fingers.write_all(b"arm\nmode open\nsequence steps 8 0 300 4\n").unwrap();
+    board.order("wait 6");
+    drop(fingers);
+    assert!(talk.wait().unwrap().success());
+    let told: Vec<String> = told.filter(|line| line.contains(CONTRADICTED)).collect();
+    assert!(told.len() == 1 && told[0].contains("'set counts_per_rev N' 'set current_gain MV_PER_A' save"), "{told:?}");
+
+    let recorded = |arguments: &[&str]| text(&board.run("record", &[&STEPS[..], arguments].concat()).stderr);
+    let said = recorded(&[]);
+    assert!(said.contains(CONTRADICTED), "{said}");
+    let own = recorded(&["--set", "current_gain=66", "--set", "trip_peak=4", "--set", "current_limit=0"]);
+    assert!(!own.contains(CONTRADICTED), "{own}");
 }
