@@ -59,8 +59,14 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     if let Some(lifted) = link.settings().ok().as_ref().and_then(lifted_protections) {
         tell(&format!("{lifted}; `load` restores the saved settings, `defaults` the factory settings"));
     }
-    let mut console =
-        Console { link, json: arguments.json.is_some(), armed: false, watch: Watch::Unknown, refused: None };
+    let mut console = Console {
+        link,
+        port: &arguments.port,
+        json: arguments.json.is_some(),
+        armed: false,
+        watch: Watch::Unknown,
+        refused: None,
+    };
     if !arguments.lines.is_empty() {
         return console.carry_out(&arguments.lines, &stopped);
     }
@@ -113,8 +119,10 @@ impl Scales {
 }
 
 /// A board's console.
-struct Console {
+struct Console<'a> {
     link: Link<Port>,
+    /// The port as the user named it.
+    port: &'a PortArguments,
     json: bool,
     /// The drive has been armed from here.
     armed: bool,
@@ -123,7 +131,7 @@ struct Console {
     refused: Option<Failure>,
 }
 
-impl Console {
+impl Console<'_> {
     /// Sends the given lines.
     fn carry_out(&mut self, lines: &[String], stopped: &AtomicBool) -> Result<(), Failure> {
         for line in lines.iter().flat_map(|text| single_lines(text)) {
@@ -235,7 +243,7 @@ impl Console {
         let Scales::Judged(judged) = scales else { return Ok(()) };
         judged.add(samples);
         if let Some(contradiction) = judged.contradiction() {
-            tell(&contradiction);
+            tell(&self.port.named_in(&contradiction));
             *scales = Scales::Told;
         }
         Ok(())
@@ -290,7 +298,7 @@ impl Console {
     }
 }
 
-impl Drop for Console {
+impl Drop for Console<'_> {
     /// Also runs when the reader of the output ends early, as `head` does.
     fn drop(&mut self) {
         if !self.armed || self.link.is_gone() {

@@ -27,7 +27,7 @@ use motorbench_link::port::Port;
 use motorbench_link::record::{Ended, Record, is_played, record, side_file_of_running};
 use motorbench_link::{Link, Losses, OTHER_READER};
 use motorbench_text::keys;
-use motorbench_text::terminal_text::quoted;
+use motorbench_text::terminal_text::{quoted, wrapped};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
@@ -408,14 +408,16 @@ fn report((arguments, out): (&Arguments, &Path), done: &Record) -> String {
     text
 }
 
-/// The next commands for the user.
+/// What was written, and the next command for the user.
 fn next(arguments: &Arguments, out: &Path) -> String {
-    let [out, rig, scenario] =
-        [out, &beside(out, "rig.toml"), &beside(out, "scenario.toml")].map(|path| quoted(&path.to_string_lossy()));
-    match arguments.mode.as_str() {
+    let named = |path: &Path| quoted(&path.to_string_lossy());
+    let files: Vec<String> = with_beside(out, &BESIDE).iter().map(|path| named(path)).collect();
+    let [out, scenario, rig] = [out, &beside(out, "scenario.toml"), &beside(out, "rig.toml")].map(named);
+    let next = match arguments.mode.as_str() {
         OPEN => format!("next: motorbench diagnose {out} --rig {rig}\n"),
         _ => format!("next: motorbench validate {out} --scenario {scenario} \\\n  --rig {rig} --model MODEL.toml\n"),
-    }
+    };
+    wrapped(&format!("wrote {}", files.join(", ")), "", "  ") + &next
 }
 
 /// An early end is a failure that says what was kept.

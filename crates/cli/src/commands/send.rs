@@ -9,6 +9,7 @@ use motorbench_files::text_file;
 use motorbench_link::Link;
 use motorbench_link::board::Board;
 use motorbench_link::port::Port;
+use motorbench_text::terminal_text::quoted;
 use std::io::{IsTerminal, stdin};
 use std::path::PathBuf;
 
@@ -74,6 +75,10 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
     if checked > 0 && stdin().is_terminal() && !arguments.save {
         outputs.say("they are lost at the next reset; --save keeps them\n");
+    }
+    if checked > 0 {
+        let port = arguments.port.name().map_or_else(String::new, |port| format!(" --port {}", quoted(port)));
+        outputs.say(&format!("next: motorbench tune{port}\n"));
     }
     Ok(())
 }

@@ -1,6 +1,5 @@
 //! The console of a board, typed by a person or sent by a script.
 
-use super::STEPS;
 use crate::board::{Board, text};
 use std::io::{BufRead, BufReader, Write};
 use std::process::{Child, ChildStdin, Command, Stdio};
@@ -182,9 +181,12 @@ fn scales_that_the_samples_contradict_are_told() {
     drop(fingers);
     assert!(talk.wait().unwrap().success());
     let told: Vec<String> = told.filter(|line| line.contains(CONTRADICTED)).collect();
-    assert!(told.len() == 1 && told[0].contains("'set counts_per_rev N' 'set current_gain MV_PER_A' save"), "{told:?}");
+    let remedy =
+        format!("connect --port {} 'set counts_per_rev N' 'set current_gain MV_PER_A' save", board.port().display());
+    assert!(told.len() == 1 && told[0].contains(&remedy), "{told:?}");
 
-    let recorded = |arguments: &[&str]| text(&board.run("record", &[&STEPS[..], arguments].concat()).stderr);
+    let steps = ["--sequence", "steps", "--amplitude", "9", "--period", "400", "--count", "2"];
+    let recorded = |arguments: &[&str]| text(&board.run("record", &[&steps[..], arguments].concat()).stderr);
     let said = recorded(&[]);
     assert!(said.contains(CONTRADICTED), "{said}");
     let own = recorded(&["--set", "current_gain=66", "--set", "trip_peak=4", "--set", "current_limit=0"]);
