@@ -64,6 +64,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let forms = sampled.iter().flatten().map(|(name, form)| equation(name, &form.text("z")));
     let gap = if sampled.is_some() { "\n" } else { "" };
     outputs.say(&(analysis(&motor) + gap + &forms.collect::<String>()));
+    outputs.wrote("");
     if let Some(path) = &arguments.bode {
         write(path, &bode_csv(&motor))?;
     }
