@@ -64,13 +64,13 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let forms = sampled.iter().flatten().map(|(name, form)| equation(name, &form.text("z")));
     let gap = if sampled.is_some() { "\n" } else { "" };
     outputs.say(&(analysis(&motor) + gap + &forms.collect::<String>()));
-    outputs.wrote("");
     if let Some(path) = &arguments.bode {
         write(path, &bode_csv(&motor))?;
     }
     if let Some(path) = &arguments.step {
         write(path, &step_csv(&motor))?;
     }
+    outputs.wrote("");
     Ok(())
 }
 
