@@ -1,4 +1,5 @@
 use super::*;
+use motorbench_model::Motion;
 use motorbench_model::motor::MotorParameters;
 
 #[test]
