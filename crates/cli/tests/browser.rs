@@ -431,7 +431,8 @@ fn browser() -> Option<Browser> {
         sandbox: false,
         window_size: Some(SCREEN),
         args: arguments.to_vec(),
-        idle_browser_timeout: Duration::from_secs(300),
+        // It waits for the pages, which take minutes on a busy computer.
+        idle_browser_timeout: Duration::from_secs(3600),
         ..LaunchOptions::default()
     };
     Some(Browser::new(options).expect("the browser starts"))
