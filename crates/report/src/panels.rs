@@ -98,7 +98,7 @@ impl Panel {
 
     fn plot(&self, interval_s: f64) -> Plot {
         // A low plot has no room for more than the unit.
-        let unit = || self.title.rsplit_once(", ").map_or("", |(_, unit)| unit);
+        let unit = || self.title.rsplit_once(", ").map_or("difference", |(_, unit)| unit);
         let axis = if self.is_difference { unit() } else { &self.title };
         let plot = match &self.frequencies_hz {
             None => Plot::new("time, s", axis).in_group(format!("{} rows", self.rows())),
