@@ -154,8 +154,8 @@ fn is_recording(names: &[&str], own: &[Mapping]) -> bool {
     names.iter().all(|name| *name == "__time" || Channel::of_column(name).is_some() || is_own(name))
 }
 
-/// Whether each number has no digit more than it needs, or the seven of a step response, as motorbench writes it. The table of a sketch may have the same
-/// names, but it has numbers such as 0.500.
+/// Whether motorbench wrote the numbers: with no digit more than they need, or with the seven of a step response. The
+/// table of a sketch may have the same names, but it has numbers such as 0.500.
 fn is_as_written(there: &[u8]) -> bool {
     let Ok(text) = std::str::from_utf8(there) else { return false };
     let header = text.lines().next().unwrap_or_default();
