@@ -97,7 +97,7 @@ impl Outputs {
             }
             let is_of_measurement =
                 || files.iter().any(|table| side_file(table).is_some_and(|side| files.contains(&&side)));
-            if let Ok(there) = fs::read(&name)
+            if let Some(there) = own_files::held_in(&name)
                 && !is_of_measurement()
                 && !own_files::may_be_replaced(&name, &there, names)
             {

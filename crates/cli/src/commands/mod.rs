@@ -403,7 +403,8 @@ fn write(path: &Path, contents: &(impl AsRef<[u8]> + ?Sized)) -> Result<(), Fail
     if let Some(why) = own_files::wrong_ending(path, contents.as_ref()) {
         return Err(Failure::input(why));
     }
-    if let Some(why) = fs::read(path).ok().and_then(|there| own_files::other_kind(path, &there, contents.as_ref())) {
+    let there = own_files::held_in(path);
+    if let Some(why) = there.and_then(|there| own_files::other_kind(path, &there, contents.as_ref())) {
         return Err(Failure::input(why));
     }
     write_whole(path, &own_files::marked(contents.as_ref())).map_err(|error| cannot_write(path, &error))

@@ -6,6 +6,7 @@ use motorbench_data::convert::{self, Dialect, Format};
 use motorbench_data::mapping::Mapping;
 use motorbench_data::recording::Channel;
 use serde_json::{Map, Value};
+use std::fs;
 use std::path::Path;
 
 /// First line of a TOML file that motorbench wrote.
@@ -175,6 +176,11 @@ pub(super) fn wrong_ending(path: &Path, contents: &[u8]) -> Option<String> {
     let is_of_another = KINDS.iter().any(|other| other.endings().contains(&ending.as_str()));
     let usual = kind.endings().first().filter(|_| is_of_another && !kind.endings().contains(&ending.as_str()))?;
     Some(format!("{name} would hold {}: give it a name that ends in .{usual}", kind.name()))
+}
+
+/// What a file holds. A device is none: it may be read without end.
+pub(super) fn held_in(path: &Path) -> Option<Vec<u8>> {
+    path.is_file().then(|| fs::read(path).ok()).flatten()
 }
 
 /// Why contents cannot replace what is there, if that is of another kind: a table has the ending of console lines too.

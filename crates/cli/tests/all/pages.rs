@@ -376,6 +376,11 @@ mod with_a_board {
                 format!("{before} (/dev/pts/0){}\n", after.split_once(')').unwrap_or_default().1)
             }
             (_, Some((_, held))) => format!(" 193.7 deg: {held}\n"),
+            // Beside the usual place the next command names the port.
+            _ if line.starts_with("next") => {
+                let places = [format!(" --port {port}2"), format!(" --port {port}")];
+                places.iter().fold(format!("{line}\n"), |line, place| line.replace(place, ""))
+            }
             _ => format!("{line}\n"),
         });
         (lines.collect::<String>().replace(&format!("{port}2"), PORT).replace(port, PORT), code)

@@ -207,7 +207,7 @@ fn compare_finds_the_delay_between_two_recordings() {
         assert!(channel["fit_percent"].as_f64() > Some(95.0), "{channel}");
     }
     let svg = std::fs::read_to_string(plot).unwrap();
-    assert!(svg.contains("speed, rad/s") && svg.contains("second - first, rad/s") && svg.contains("</svg>"));
+    assert!(svg.contains("speed, rad/s") && svg.contains("late - run, rad/s") && svg.contains("</svg>"));
 }
 
 /// Every command with a plot. The content of a PNG is tested in its own crate.
