@@ -2,7 +2,7 @@
 //! with a type, a size and data. Variables are elements of type matrix, plain or compressed with zlib.
 
 use super::mat_objects::{self, Cells, Holds, SHORTEST, Values};
-use super::{Fault, LONGEST_NAME, MOST_BYTES, matrix, shortened};
+use super::{Fault, LONGEST_NAME, MOST_BYTES, TOO_MUCH, matrix, shortened};
 use crate::content::{Column, Content, Series};
 use flate2::read::ZlibDecoder;
 use std::io::Read;
@@ -175,8 +175,6 @@ pub fn read(bytes: &[u8], is_wanted: &dyn Fn(&str) -> bool) -> Result<Content, F
 
 /// So many numbers are read: 1 GB of memory, and more than a recording has.
 const MOST_NUMBERS: usize = 1 << 27;
-/// What is wrong with a file that holds more.
-const TOO_MUCH: &str = "more than 1 GB of numbers: save the signals of one recording alone";
 /// Structures in structures are followed so deep.
 const DEEPEST: usize = 12;
 /// How the names of arrays of objects begin.

@@ -1,6 +1,6 @@
 //! `NumPy`: a structured array whose fields are the columns (.npy), or an archive with an array for each column (.npz).
 
-use super::{Fault, MOST_BYTES, matrix};
+use super::{Fault, MOST_BYTES, TOO_MUCH, matrix};
 use crate::content::{Column, Content};
 use npyz::{DType, Endianness, NpyHeader, TypeChar, TypeStr};
 use std::io::{Cursor, Read, Write};
@@ -59,8 +59,7 @@ pub fn read_npz(bytes: &[u8], is_wanted: &dyn Fn(&str) -> bool) -> Result<Conten
             file.take(left_bytes).read_to_end(&mut bytes).map_err(|error| in_array(Fault::whole(error.to_string())));
         left_bytes -= bytes.len() as u64;
         if left_bytes == 0 {
-            let what = "the archive has more than 1 GB of numbers: save the signals of one recording alone";
-            return Err(Fault::at(format_args!("array {name}"), what));
+            return Err(Fault::at(format_args!("array {name}"), format!("the archive has {TOO_MUCH}")));
         }
         match read.and_then(|_| array(&bytes, &name).map_err(in_array)) {
             Ok(columns) => content.columns.extend(columns),

@@ -35,15 +35,14 @@ pub fn check(bytes: &[u8], most_cells: u64) -> Result<(), Fault> {
             _ => {}
         }
         if table.cells() > most_cells {
-            let Table { rows, columns, .. } = table;
-            return Err(Fault::at(
-                CONTENT,
-                format!(
-                    "cells are spread over {rows} rows and {columns} columns: delete what stands far from the table"
-                ),
-            ));
+            return Err(Fault::at(CONTENT, format!("cells are {}", far_apart(table.rows, table.columns))));
         }
     }
+}
+
+/// What is wrong with cells that are spread over so many rows and columns.
+pub fn far_apart(rows: u64, columns: u64) -> String {
+    format!("spread over {rows} rows and {columns} columns: delete what stands far from the table")
 }
 
 fn not_whole(why: &str) -> Fault {

@@ -66,9 +66,7 @@ fn sheet(book: &mut Book<'_>, name: &str) -> Result<Range<Data>, String> {
     let (rows, columns) = (side(|cell| cell.get_position().0), side(|cell| cell.get_position().1));
     if rows * columns > MOST_CELLS {
         let count = cells.len();
-        return Err(format!(
-            "its {count} cells are spread over {rows} rows and {columns} columns: delete what stands far from the table"
-        ));
+        return Err(format!("its {count} cells are {}", open_document::far_apart(rows, columns)));
     }
     Ok(Range::from_sparse(cells))
 }
