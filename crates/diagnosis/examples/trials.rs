@@ -213,9 +213,8 @@ fn constants(trial: &Trial, outcome: &Outcome) -> Vec<Constant> {
         ("inertia_kg_m2", motor.inertia_kg_m2),
     ];
     let is_known = outcome.unexplained.is_none();
-    // The first is the resistance.
-    let of_motor = of_motor.into_iter().skip(usize::from(trial.truth.bridge_resists));
-    let of_motor = of_motor.filter(|_| is_known).map(|(name, truth)| {
+    let shows = |name: &str| name != "resistance_ohm" || !trial.truth.bridge_resists;
+    let of_motor = of_motor.into_iter().filter(|(name, _)| is_known && shows(name)).map(|(name, truth)| {
         let found = outcome.parameters[name];
         compared(format!("motor {name}"), truth, found.value, found.ci95)
     });

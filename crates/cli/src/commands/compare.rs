@@ -19,6 +19,7 @@ use motorbench_model::Model;
 use motorbench_model::linear::motor_model::speed;
 use motorbench_report::comparison_page::{self, Compared};
 use motorbench_report::panels::{Panel, panels};
+use motorbench_report::plot::quantity;
 use motorbench_report::web_page::{code, number, table as page_table, text as cell};
 use motorbench_text::terminal_text::{fixed, short};
 use nalgebra::Complex;
@@ -198,7 +199,6 @@ pub fn agreement(compared: &Comparison) -> String {
 
 /// The same from the titles of axes with their fits. A fit below zero is no agreement: a constant would do better.
 fn agreement_in(fits: &[(&str, f64)]) -> String {
-    let quantity = |title: &str| title.split(',').next().unwrap_or(title).to_owned();
     let (good, bad): (Vec<_>, Vec<_>) = fits.iter().partition(|(_, fit_percent)| *fit_percent > 0.0);
     let good: Vec<String> = good.iter().map(|(title, fit)| format!("{} to {fit:.1} %", quantity(title))).collect();
     let bad: Vec<String> = bad.iter().map(|(title, fit)| format!("{} (fit {fit:.1} %)", quantity(title))).collect();

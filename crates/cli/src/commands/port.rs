@@ -52,13 +52,18 @@ pub(super) const SAME_COUNTS: f64 = 1e-3;
 
 const LSOF: &str = "`lsof PORT`";
 
+/// The option that names a port, behind a command.
+pub(super) fn option(port: &str) -> String {
+    format!(" --port {}", quoted(port))
+}
+
 impl PortArguments {
     /// A text whose hints contain the port, if the user named one.
     pub(super) fn named_in(&self, text: &str) -> String {
         match &self.port {
             Some(port) => {
-                let port = quoted(port);
-                text.replace(CONNECT, &format!("{CONNECT} --port {port}")).replace(LSOF, &format!("`lsof {port}`"))
+                let lsof = format!("`lsof {}`", quoted(port));
+                text.replace(CONNECT, &format!("{CONNECT}{}", option(port))).replace(LSOF, &lsof)
             }
             None => text.into(),
         }

@@ -1,7 +1,7 @@
 //! `motorbench send`: a file of console lines to a board.
 
 use super::files::is_terminal;
-use super::port::{CONNECT, PortArguments};
+use super::port::{CONNECT, PortArguments, option};
 use super::{Failure, JSON_TO, Outputs, TERMINAL, tell, write_json};
 use clap::Args;
 use motorbench_core::settings::{Settings, find};
@@ -9,7 +9,6 @@ use motorbench_files::text_file;
 use motorbench_link::Link;
 use motorbench_link::board::Board;
 use motorbench_link::port::Port;
-use motorbench_text::terminal_text::quoted;
 use std::io::{IsTerminal, stdin};
 use std::path::PathBuf;
 
@@ -77,7 +76,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         outputs.say("they are lost at the next reset; --save keeps them\n");
     }
     if checked > 0 {
-        let port = arguments.port.name().map_or_else(String::new, |port| format!(" --port {}", quoted(port)));
+        let port = arguments.port.name().map(option).unwrap_or_default();
         outputs.say(&format!("next: motorbench tune{port}\n"));
     }
     Ok(())

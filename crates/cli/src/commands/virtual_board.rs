@@ -99,6 +99,7 @@ pub use with_chip::run;
 
 #[cfg(all(feature = "chip", unix))]
 mod with_chip {
+    use super::super::port::option;
     use super::super::{cannot_write, firmware, read_rig, write_whole};
     use super::surroundings::{ORDERS, Surroundings, USUAL_SUPPLY_V, Until, model_file};
     use super::{Arguments, Failure};
@@ -107,7 +108,7 @@ mod with_chip {
     use motorbench_data::rig::Rig;
     use motorbench_link::port::USUAL_LINK;
     use motorbench_link::virtual_control::{Starting, VirtualControl, control_path};
-    use motorbench_text::terminal_text::{fitted, quoted};
+    use motorbench_text::terminal_text::fitted;
     use rustix::event::{PollFd, PollFlags, Timespec, poll};
     use rustix::fs::OFlags;
     use rustix::io::{ioctl_fionbio, ioctl_fionread};
@@ -324,10 +325,7 @@ mod with_chip {
 
     /// What comes next, for a board at this place.
     fn next(link: &Path) -> String {
-        let port = match link == Path::new(USUAL_LINK) {
-            true => String::new(),
-            false => format!(" --port {}", quoted(&link.display().to_string())),
-        };
+        let port = if link == Path::new(USUAL_LINK) { String::new() } else { option(&link.display().to_string()) };
         format!("next, in another terminal: motorbench record{port}")
     }
 

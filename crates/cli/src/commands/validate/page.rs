@@ -65,9 +65,7 @@ fn figures_rows(figures: &[Vec<Figures>; 2]) -> Vec<[String; 4]> {
         // A continuous reference has no rise time.
         let told = |(_, simulated, measured): &(_, Option<f64>, Option<f64>)| simulated.is_some() || measured.is_some();
         for (name, simulated_value, measured_value) in rows.into_iter().chain(largest).filter(told) {
-            let values = [simulated_value, measured_value].map(|value| or_dash(value, 3));
-            let [simulated_text, measured_text] = values;
-            all.push([short(simulated.time_s), name.into(), simulated_text, measured_text]);
+            all.push([short(simulated.time_s), name.into(), or_dash(simulated_value, 3), or_dash(measured_value, 3)]);
         }
     }
     all
