@@ -140,11 +140,18 @@ impl Dataset {
                 "Each current is compared as an instantaneous value, {phase:.2} of a PWM period after the begin of one at t_s = 0. That fits much better than a mean. Average the current over a PWM period in the program."
             ));
         }
+        if let Some(stated) = self.origin.ripple_shows {
+            let besides = stated.map_or(String::new(), |hz| format!(" The rig file says {} Hz.", short(hz)));
+            notes.push(format!("The ripple of the current shows a PWM of {:.2} Hz.{besides}", self.origin.pwm_hz));
+        }
         if self.is_switched() {
-            notes.push(format!(
-                "The PWM is slow beside the rows, so each of its edges is simulated. A command waits for the next period, up to {} ms. A faster PWM shortens that.",
-                short(1e3 / self.origin.pwm_hz)
-            ));
+            let since = if self.origin.commands_at_once {
+                "A command changes the duty at once, within a period.".to_owned()
+            } else {
+                let period_ms = short(1e3 / self.origin.pwm_hz);
+                format!("A command waits for the next period, up to {period_ms} ms. A faster PWM shortens that.")
+            };
+            notes.push(format!("The PWM is slow, so each of its edges is simulated. {since}"));
         }
         if !self.origin.pwm_is_known && self.origin.pwm_hz != PWM_HZ {
             notes.push(format!(

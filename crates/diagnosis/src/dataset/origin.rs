@@ -21,8 +21,12 @@ pub struct Origin {
     pub pwm_hz: f64,
     /// Whether it is known; otherwise it is estimated.
     pub pwm_is_known: bool,
+    /// Where the ripple of the current shows the frequency: the one that the rig file states, if any.
+    pub ripple_shows: Option<Option<f64>>,
     /// Share of a PWM period that has passed at time 0, where the recording shows it.
     pub pwm_phase: Option<f64>,
+    /// Whether a command changes the duty at once, instead of with the next period.
+    pub commands_at_once: bool,
     /// How it was recorded.
     pub timing: Timing,
     /// An assumed drop of the bridge that the recordings do not show; every model is simulated behind it.

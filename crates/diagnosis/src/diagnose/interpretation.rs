@@ -182,8 +182,8 @@ fn interpret(
 ) -> (Dataset, Selection) {
     let anew = |data: &Dataset| select(data, prior, &[&excluded(data), excluded_ids].concat(), progress);
     if data.axis.drive.is_voltage() {
-        pwm_frequency::settle_at_first(&mut data, prior);
         pwm_phase::settle_at_first(&mut data, prior);
+        pwm_frequency::settle_at_first(&mut data, prior);
     }
     counter_stops::settle_by_linear_motor(&mut data, prior);
     let mut selection = anew(&data);

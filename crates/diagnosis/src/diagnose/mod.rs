@@ -25,6 +25,7 @@ pub mod missing;
 pub mod outcome;
 mod pwm_frequency;
 mod pwm_phase;
+mod pwm_ripple;
 mod random_losses;
 mod ripple_phase;
 mod scale;
@@ -248,7 +249,10 @@ fn timing_uncertainty(data: &Dataset, model: &Model) -> f64 {
     let sampling_s = if is_sampling_known { 0.0 } else { period_s };
     // A command waits for the next period.
     let waiting_s = if data.is_switched() { 0.0 } else { period_s };
-    let command_s = if timing.command_delay_s.is_none() { 0.5 * data.interval_s } else { 0.0 };
+    // The slope of a ripple shows the inductance, whenever the commands act.
+    let shows_slopes = data.is_switched() && data.reads_instants();
+    let is_delay_known = timing.command_delay_s.is_some() || shows_slopes;
+    let command_s = if is_delay_known { 0.0 } else { 0.5 * data.interval_s };
     // Standard deviations of uniform distributions.
     sampling_s.hypot(command_s).hypot(waiting_s) / 12.0_f64.sqrt() / TimeConstants::of(&model.motor).electromagnetic_s
 }

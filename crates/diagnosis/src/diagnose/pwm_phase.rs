@@ -4,7 +4,8 @@
 
 use super::judge::{VERY_STRONG_NATS, evidence_nats};
 use super::pwm_frequency::with_usual_bridges;
-use crate::dataset::{Dataset, Output, Stretch};
+use super::pwm_ripple::ripples;
+use crate::dataset::Dataset;
 use crate::identify::{Effort, Fit, Prior, fit};
 use maybe_rayon::prelude::*;
 use motorbench_model::Model;
@@ -13,49 +14,137 @@ use motorbench_model::Model;
 /// slightly other phase lets some of them act a whole period later.
 const PHASES: usize = 12;
 const PHASES_OF_SLOW: usize = 192;
+/// A ripple tells the phase to this share of a period: the winding's lag is known by nominal values alone, and a bridge may
+/// coast.
+const RIPPLE_TELLS: f64 = 0.25;
 /// So many of those are fitted, far from each other.
 const FITTED: usize = 4;
 const HALVINGS: i32 = 4;
-/// A phase has to lower the squared error to this share of that of a mean over a period: beside an effect that is missing,
-/// some phase always fits a little better.
-const LEAST_GAIN: f64 = 0.6;
-/// Between rows that lie this far apart the phase advances, but what is missing hardly changes.
-const FAST_ROWS: usize = 5;
+/// The first move of what is known nearly, and the least one, in periods.
+const FARTHEST: f64 = 0.02;
+const NEAREST: f64 = 0.001;
+/// Phase, frequency and model are found in turn, this often.
+const ROUNDS: usize = 3;
+/// So many ripples of different frequencies are compared: rows in step see several as the same one.
+const RIPPLES: usize = 3;
 /// A phase shows in any part of a recording in which the command changes; this much suffices.
 const EXCERPT_S: f64 = 3.0;
 
-/// Sets the phase if the nominal motor fits clearly better with it than with a mean over a period, or at least what varies
-/// from row to row does. Its bridge has a drop or none, and brakes or coasts in the off phase.
+/// Sets the phase that the ripple in the current shows, and the frequency that it has. Where no ripple is read, commands
+/// that wait for a slow PWM may show the phase. The nominal motor is taken, behind a bridge that has a drop or none, and
+/// that brakes or coasts in the off phase.
 pub(super) fn settle_at_first(data: &mut Dataset, prior: &Prior) {
-    let is_open = data.origin.pwm_is_known && data.origin.timing.current_sampled_at.is_none();
-    if !is_open || !(data.reads_instants() || data.is_pwm_slow()) {
+    if data.origin.timing.current_sampled_at.is_some() {
         return;
     }
-    let Some(way) = likelier(&data.excerpt(EXCERPT_S), prior) else { return };
-    data.origin.pwm_phase = if data.is_pwm_slow() { in_everything(data, prior, &way) } else { Some(way.phase) };
+    let mut models = vec![Model::linear(prior.motor)];
+    models.extend(with_usual_bridges(data, prior));
+    let found = if data.reads_instants() { by_ripple(data, prior, &models) } else { None };
+    if let Some(by_ripple) = found {
+        *data = by_ripple;
+    } else if data.is_pwm_slow() {
+        data.origin.pwm_phase = by_commands(data, prior, &models);
+    }
 }
 
-/// The phase of a slow PWM. It shows in a few commands alone, and the clocks of rows and PWM may drift apart, so everything
-/// decides.
-fn in_everything(data: &Dataset, prior: &Prior, way: &Way) -> Option<f64> {
-    let whole = Way::new(data, prior, &way.model)?;
-    let as_before = fit(&way.model, &data.with_pwm_phase(Some(way.phase)), prior, Effort::TRIAL).cost;
+/// The data with the frequency and the phase of a ripple.
+fn by_ripple(data: &Dataset, prior: &Prior, models: &[Model]) -> Option<Dataset> {
+    let means = models.into_par_iter().map(|model| fit(model, &data.with_pwm_phase(None), prior, Effort::TRIAL));
+    let mean = means.min_by(|a, b| a.cost.total_cmp(&b.cost))?;
+    let found = ripples(data, &mean);
+    let ways = found.iter().take(RIPPLES).filter_map(|ripple| {
+        let other = data.with_pwm_hz(ripple.hz);
+        let near = Some(ripple.phase(&prior.motor));
+        let way = likeliest(&other.excerpt(EXCERPT_S), prior, models, near)?;
+        let phase = if other.is_pwm_slow() { in_everything(&other, prior, &way, near)? } else { way.phase };
+        Some(in_step(&other.with_pwm_phase(Some(phase)), prior, &way.found.model))
+    });
+    let (found, other) = ways.min_by(|a, b| a.0.cost.total_cmp(&b.0.cost))?;
+    (found.cost < mean.cost).then(|| other.with_instants_blurred(found.model.motor.inductance_h))
+}
+
+/// The data whose PWM takes commands with its period or at once, whichever fits better, and the fit.
+fn in_step(data: &Dataset, prior: &Prior, model: &Model) -> (Fit, Dataset) {
+    let ways: &[bool] = if data.is_pwm_slow() { &[false, true] } else { &[false] };
+    let fitted = ways.iter().map(|at_once| {
+        let other = data.with_commands_at_once(*at_once);
+        let found = fit(model, &other, prior, Effort::TRIAL);
+        let (other, found) = polished(&other, prior, found);
+        (found, other)
+    });
+    fitted.min_by(|a, b| a.0.cost.total_cmp(&b.0.cost)).expect("one way at least")
+}
+
+/// The data with the phase and the frequency nearby with which a model fits best, and its fit. Both are found in turn.
+fn polished(data: &Dataset, prior: &Prior, found: Fit) -> (Dataset, Fit) {
+    let mut best = (data.clone(), found);
+    for _ in 0..ROUNDS {
+        let (other, cost) = moved_to_the_best(&best.0, prior, &best.1);
+        if cost >= best.1.cost {
+            break;
+        }
+        let found = fit(&best.1.model, &other, prior, Effort::TRIAL);
+        best = (other, found);
+    }
+    best
+}
+
+/// The same for the model as it stands, and its cost: a search in a pattern that halves.
+fn moved_to_the_best(data: &Dataset, prior: &Prior, found: &Fit) -> (Dataset, f64) {
+    let cost = |data: &Dataset| fit(&found.model, data, prior, Effort::NONE).cost;
+    let mut best = (data.clone(), found.cost);
+    let mut distance = FARTHEST;
+    while distance > NEAREST {
+        let moves = [(distance, 0.0), (-distance, 0.0), (0.0, distance), (0.0, -distance)];
+        let others = moves.into_par_iter().map(|(periods, turns)| {
+            let other = best.0.with_pwm_moved(periods, turns);
+            let cost = cost(&other);
+            (other, cost)
+        });
+        match others.min_by(|a, b| a.1.total_cmp(&b.1)).filter(|(_, cost)| *cost < best.1) {
+            Some(better) => best = better,
+            None => distance *= 0.5,
+        }
+    }
+    best
+}
+
+/// The phase of a slow PWM with very strong evidence.
+fn by_commands(data: &Dataset, prior: &Prior, models: &[Model]) -> Option<f64> {
+    let excerpt = data.excerpt(EXCERPT_S);
+    let way = likeliest(&excerpt, prior, models, None)?;
+    let explains = way.found.cost < way.mean.cost && evidence_nats(&excerpt, &way.mean, &way.found) > least_nats(data);
+    if explains { in_everything(data, prior, &way, None) } else { None }
+}
+
+/// The phase of a slow PWM. It shows in a few commands alone, so everything decides.
+fn in_everything(data: &Dataset, prior: &Prior, way: &Way, near: Option<f64>) -> Option<f64> {
+    let whole = Way::new(data, prior, &way.found.model, near)?;
+    let as_before = fit(&way.found.model, &data.with_pwm_phase(Some(way.phase)), prior, Effort::TRIAL).cost;
     let (phase, cost) =
         if as_before < whole.found.cost { (way.phase, as_before) } else { (whole.phase, whole.found.cost) };
     (cost < whole.mean.cost).then_some(phase)
 }
 
-/// Sets the phase of a slow PWM if a model that was found has very strong evidence for one. Returns whether it did.
+/// Sets the phase of a slow PWM if a model that was found has very strong evidence for one, and moves a known one to where
+/// that model fits best. Returns whether that changes much.
 pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {
-    let is_known = data.origin.pwm_phase.or(data.origin.timing.current_sampled_at).is_some();
-    let is_open = data.is_pwm_slow() && !is_known;
+    if data.origin.pwm_phase.is_some() {
+        let (other, better) = polished(data, prior, found.clone());
+        let gains = evidence_nats(data, found, &better) > VERY_STRONG_NATS;
+        if gains {
+            *data = other;
+        }
+        return gains;
+    }
+    let is_open = data.is_pwm_slow() && data.origin.timing.current_sampled_at.is_none();
     let found_in = |phase: f64| fit(&found.model, &data.with_pwm_phase(Some(phase)), prior, Effort::TRIAL);
-    let way = if is_open { Way::new(data, prior, &found.model) } else { None };
+    let way = if is_open { Way::new(data, prior, &found.model, None) } else { None };
     let phase = way.map(|way| way.phase).filter(|phase| {
         let other = found_in(*phase);
         other.cost < found.cost && evidence_nats(data, found, &other) > least_nats(data)
     });
-    data.origin.pwm_phase = phase.or(data.origin.pwm_phase);
+    data.origin.pwm_phase = phase;
     phase.is_some()
 }
 
@@ -68,53 +157,21 @@ fn phases(data: &Dataset) -> usize {
     if data.is_pwm_slow() { PHASES_OF_SLOW } else { PHASES }
 }
 
-fn likelier(data: &Dataset, prior: &Prior) -> Option<Way> {
-    let mut models = vec![Model::linear(prior.motor)];
-    models.extend(with_usual_bridges(data, prior));
-    let ways: Vec<Way> = models.into_par_iter().filter_map(|model| Way::new(data, prior, &model)).collect();
-    let least = |error: fn(&Way) -> f64| ways.iter().map(error).fold(f64::INFINITY, f64::min);
-    let (least_cost, least_fast) = (least(|way| way.mean.cost), least(|way| way.mean.fast));
-    let best = ways.into_iter().min_by(|a, b| a.found.cost.total_cmp(&b.found.cost))?;
-    let explains = best.found.cost < LEAST_GAIN * least_cost
-        || best.found.fast < LEAST_GAIN * least_fast
-        || best.found.cost < least_cost && best.nats > least_nats(data);
-    explains.then_some(best)
-}
-
-/// Squared errors of a model.
-struct Errors {
-    cost: f64,
-    /// Of the current, as far as it varies from row to row.
-    fast: f64,
-}
-
-impl Errors {
-    fn of(data: &Dataset, fit: &Fit) -> Self {
-        let Some(output) = data.measured.iter().position(|measured| measured.output == Output::Current) else {
-            return Self { cost: fit.cost, fast: f64::INFINITY };
-        };
-        let residual = fit.residual_of(data, output);
-        let of_stretch = |stretch: &Stretch| {
-            let around = residual[stretch.rows.clone()].windows(2 * FAST_ROWS + 1);
-            let fast = around.map(|around| around[FAST_ROWS] - around.iter().sum::<f64>() / around.len() as f64);
-            fast.filter(|fast| fast.is_finite()).map(|fast| fast * fast).sum::<f64>()
-        };
-        Self { cost: fit.cost, fast: data.stretches.iter().map(of_stretch).sum() }
-    }
+fn likeliest(data: &Dataset, prior: &Prior, models: &[Model], near: Option<f64>) -> Option<Way> {
+    let ways = models.into_par_iter().filter_map(|model| Way::new(data, prior, model, near));
+    ways.min_by(|a, b| a.found.cost.total_cmp(&b.found.cost))
 }
 
 /// A model that reads the mean over a period, and one that reads in its best phase.
 struct Way {
-    mean: Errors,
-    found: Errors,
-    /// Evidence for the phase.
-    nats: f64,
+    mean: Fit,
+    found: Fit,
     phase: f64,
-    model: Model,
 }
 
 impl Way {
-    fn new(data: &Dataset, prior: &Prior, model: &Model) -> Option<Self> {
+    /// The phase is sought everywhere, or `near` one.
+    fn new(data: &Dataset, prior: &Prior, model: &Model, near: Option<f64>) -> Option<Self> {
         let mean = fit(model, &data.with_pwm_phase(None), prior, Effort::TRIAL);
         let in_phase = |phase: f64, model: &Model, effort: Effort| -> (f64, Fit) {
             let phase = phase.rem_euclid(1.0);
@@ -125,9 +182,10 @@ impl Way {
         let mut start = mean.model.clone();
         start.motor.inductance_h = start.motor.inductance_h.min(prior.motor.inductance_h);
         let phases = phases(data);
-        let first = (0..phases).into_par_iter();
-        let first = first.map(|phase| in_phase(phase as f64 / phases as f64, &start, Effort::NONE));
-        let first: Vec<(f64, Fit)> = first.collect();
+        let (around, width) = near.map_or((0.5, 0.5), |near| (near, RIPPLE_TELLS));
+        let sought = (2.0 * width * phases as f64) as usize;
+        let first = (0..sought).into_par_iter().map(|step| around - width + step as f64 / phases as f64);
+        let first: Vec<(f64, Fit)> = first.map(|phase| in_phase(phase, &start, Effort::NONE)).collect();
         // Neighbours lead to the same one.
         let groups = first.chunks(phases / PHASES).filter_map(|group| least(group.to_vec()));
         let mut first: Vec<(f64, Fit)> = groups.collect();
@@ -141,7 +199,6 @@ impl Way {
             best = least(sides.into_iter().chain([best]).collect())?;
         }
         let (phase, found) = in_phase(best.0, &best.1.model, Effort::TRIAL);
-        let nats = evidence_nats(data, &mean, &found);
-        Some(Self { mean: Errors::of(data, &mean), found: Errors::of(data, &found), nats, phase, model: found.model })
+        Some(Self { mean, found, phase })
     }
 }

@@ -240,8 +240,8 @@ impl<'a> Knife<'a> {
         }
     }
 
-    /// The same with every edge of the PWM. Each period begins with its pulse, and a command waits for the next period: the
-    /// compare registers of a microcontroller's timer are double buffered (ATmega328P data sheet, 15.7 and 16.9).
+    /// The same with every edge of the PWM. Each period begins with its pulse. A command waits for the next period where the
+    /// compare registers of the timer are double buffered (ATmega328P data sheet, 15.7 and 16.9).
     fn switched_row(&self, index: usize, pieces: &mut Vec<Piece>) {
         let data = self.data;
         let (mut from_s, to_s) = (data.time_s[index], data.time_s[index + 1]);
@@ -249,11 +249,13 @@ impl<'a> Knife<'a> {
         let course = Course::new(data, self.range.clone(), index);
         while from_s < to_s - SAME_LENGTH_S {
             let [begun_s, next_s] = data.origin.period_around_s(from_s + SAME_LENGTH_S);
-            let (row, mean_duty) = self.taken_at(index, begun_s);
+            let at_once = data.origin.commands_at_once;
+            let (row, mean_duty) = self.taken_at(index, if at_once { from_s } else { begun_s });
+            let changes_s = if at_once { self.changes_s(index, row) } else { f64::INFINITY };
             let pulse_ends_s = begun_s + mean_duty.abs() * (next_s - begun_s);
             let is_pulse = from_s < pulse_ends_s - SAME_LENGTH_S;
             let ends_s = if is_pulse { pulse_ends_s } else { next_s };
-            let length_s = (ends_s.min(to_s) - from_s).min(self.longest_step_s);
+            let length_s = (ends_s.min(to_s).min(changes_s) - from_s).min(self.longest_step_s);
             let share = (from_s + 0.5 * length_s - data.time_s[index]) / interval_s;
             let half = 0.5 * length_s / interval_s;
             pieces.push(Piece {
@@ -280,6 +282,12 @@ impl<'a> Knife<'a> {
             // Before a start from rest no command acted.
             None => (self.range.start, if self.from_rest { 0.0 } else { data.duty[self.range.start] }),
         }
+    }
+
+    /// When the command after that of `row` acts, as the delay is around sample `index`.
+    fn changes_s(&self, index: usize, row: usize) -> f64 {
+        let acts_s = |next: usize| self.data.acts_from_s(next) + self.delay_at(index);
+        if row + 1 < self.range.end { acts_s(row + 1) } else { f64::INFINITY }
     }
 
     /// Start times and lengths of the parts of a step after sample `index`: between two parts the bridge opens or
