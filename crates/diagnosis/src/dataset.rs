@@ -34,7 +34,7 @@ pub use end_of_range::EndOfRange;
 pub use error::DatasetError;
 pub use held_rotor::HeldRotor;
 pub use measured::{Measured, Output, TOLERANCE};
-pub use origin::{Averaged, Origin};
+pub use origin::{Averaged, Origin, Pulse};
 pub use speed_window::Window;
 
 /// Shorter stretches are not used.

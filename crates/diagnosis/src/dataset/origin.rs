@@ -14,6 +14,26 @@ pub enum Averaged {
     Time,
 }
 
+/// Where in a period of the PWM its pulse is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Pulse {
+    /// It begins with the period, as in fast PWM.
+    #[default]
+    AtBegin,
+    /// In the middle, as in phase-correct PWM: `analogWrite` on the pins 3, 9, 10 and 11 of an Uno.
+    InMiddle,
+}
+
+impl Pulse {
+    /// Share of a period that passes before the pulse of a duty.
+    pub fn begins_at(self, duty: f64) -> f64 {
+        match self {
+            Self::AtBegin => 0.0,
+            Self::InMiddle => 0.5 * (1.0 - duty.abs()).max(0.0),
+        }
+    }
+}
+
 /// How recordings were made. For several recordings of one rig: what the rig file says of all, and what each adds.
 #[derive(Clone, Debug, Default)]
 pub struct Origin {
@@ -25,6 +45,8 @@ pub struct Origin {
     pub ripple_shows: Option<Option<f64>>,
     /// Share of a PWM period that has passed at time 0, where the recording shows it.
     pub pwm_phase: Option<f64>,
+    /// Where in that period the pulse is.
+    pub pulse: Pulse,
     /// Whether a command changes the duty at once, instead of with the next period.
     pub commands_at_once: bool,
     /// How it was recorded.

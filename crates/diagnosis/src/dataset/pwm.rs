@@ -1,6 +1,6 @@
 //! What recordings show of the period of the PWM.
 
-use super::{Dataset, Output};
+use super::{Dataset, Output, Pulse};
 use motorbench_data::rig::Readings;
 
 /// Every edge of a PWM is simulated up to this frequency, which takes no more steps than the usual ones of half a
@@ -52,11 +52,12 @@ impl Dataset {
         other
     }
 
-    /// The same with a PWM of this frequency, which its ripple shows.
-    pub fn with_pwm_hz(&self, pwm_hz: f64) -> Self {
+    /// The same with a PWM of this frequency and with such pulses, which its ripple shows.
+    pub fn with_pwm_of(&self, pwm_hz: f64, pulse: Pulse) -> Self {
         let mut other = self.clone();
         other.origin.ripple_shows = Some(other.origin.pwm_is_known.then_some(other.origin.pwm_hz));
         other.origin.pwm_hz = pwm_hz;
+        other.origin.pulse = pulse;
         other.origin.pwm_is_known = true;
         other
     }

@@ -53,7 +53,7 @@ fn by_ripple(data: &Dataset, prior: &Prior, models: &[Model]) -> Option<Dataset>
     let mean = means.min_by(|a, b| a.cost.total_cmp(&b.cost))?;
     let found = ripples(data, &mean);
     let ways = found.iter().take(RIPPLES).filter_map(|ripple| {
-        let other = data.with_pwm_hz(ripple.hz);
+        let other = data.with_pwm_of(ripple.hz, ripple.pulse);
         let near = Some(ripple.phase(&prior.motor));
         let way = likeliest(&other.excerpt(EXCERPT_S), prior, models, near)?;
         let phase = if other.is_pwm_slow() { in_everything(&other, prior, &way, near)? } else { way.phase };

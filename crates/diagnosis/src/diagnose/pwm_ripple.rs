@@ -3,7 +3,7 @@
 //! with the duty and goes on so evenly.
 
 use super::judge::VERY_STRONG_NATS;
-use crate::dataset::{Dataset, Output, Stretch};
+use crate::dataset::{Dataset, Output, Pulse, Stretch};
 use crate::identify::Fit;
 use motorbench_model::motor::MotorParameters;
 use nalgebra::Complex;
@@ -27,6 +27,8 @@ const FINER: f64 = 8.0;
 pub(super) struct Ripple {
     /// Its frequency.
     pub hz: f64,
+    /// Where the pulse is.
+    pub pulse: Pulse,
     /// Log-likelihood that it gains, less what the choice of a frequency costs.
     pub nats: f64,
     /// Angle by which the current follows the begin of the pulses' fundamental at time 0.
@@ -47,9 +49,9 @@ pub(super) fn ripples(data: &Dataset, found: &Fit) -> Vec<Ripple> {
         return Vec::new();
     };
     let residual = found.residual_of(data, current);
-    let near = near(data);
+    let near = near(data).into_iter().flat_map(|hz| [Pulse::AtBegin, Pulse::InMiddle].map(|pulse| (hz, pulse)));
     let looked: Vec<(Ripple, usize)> =
-        near.iter().filter_map(|hz| Spectrum::new(data, &residual, *hz)?.peak()).collect();
+        near.filter_map(|(hz, pulse)| Spectrum::new(data, &residual, hz, pulse)?.peak()).collect();
     let tried: usize = looked.iter().map(|(_, tried)| tried).sum();
     let priced = looked.into_iter().map(|(ripple, _)| Ripple { nats: ripple.nats - (tried as f64).ln(), ..ripple });
     let mut ripples: Vec<Ripple> = priced.filter(|ripple| ripple.nats > VERY_STRONG_NATS).collect();
@@ -77,6 +79,7 @@ struct Part {
 /// What the residual has in common with pulses of a frequency and of those around it.
 struct Spectrum {
     hz: f64,
+    pulse: Pulse,
     parts: Vec<Part>,
     /// Squares of the readings, and of the pulses as the readings see them.
     squares: f64,
@@ -86,19 +89,20 @@ struct Spectrum {
 }
 
 impl Spectrum {
-    fn new(data: &Dataset, residual: &[f64], hz: f64) -> Option<Self> {
+    fn new(data: &Dataset, residual: &[f64], hz: f64, pulse: Pulse) -> Option<Self> {
         let part_s = 1.0 / (FINER * CLOCK_TOLERANCE * hz);
         let (first, last) = (data.stretches.first()?.rows.start, data.stretches.last()?.rows.end - 1);
         let length_s = data.time_s[last] - data.time_s[first];
-        let mut spectrum = Self { hz, parts: Vec::new(), squares: 0.0, of_pulses: 0.0, readings: 0.0, length_s };
+        let mut spectrum = Self { hz, pulse, parts: Vec::new(), squares: 0.0, of_pulses: 0.0, readings: 0.0, length_s };
         for Stretch { rows, .. } in &data.stretches {
-            let pulse = |row: usize| {
+            let fundamental = |row: usize| {
                 let duty = data.duty[row.max(rows.start + 1) - 1];
-                let middle_rad = TAU * hz * data.time_s[row] - PI * duty.abs();
-                // The fundamental of pulses that begin with the period. No pulse, no ripple.
+                let middle = pulse.begins_at(duty) + 0.5 * duty.abs();
+                let middle_rad = TAU * (hz * data.time_s[row] - middle);
+                // No pulse, no ripple.
                 Complex::from_polar(duty.signum() * (PI * duty.abs()).sin(), middle_rad)
             };
-            let pulses = quick(rows.clone().map(pulse).collect());
+            let pulses = quick(rows.clone().map(fundamental).collect());
             let readings = quick(rows.clone().map(|row| Complex::from(residual[row])).collect());
             for ((row, pulse), reading) in rows.clone().zip(pulses).zip(readings) {
                 let (Some(pulse), Some(reading)) = (pulse, reading) else { continue };
@@ -133,7 +137,7 @@ impl Spectrum {
         let explained =
             2.0 * sum.norm_sqr() / self.of_pulses.max(f64::MIN_POSITIVE) / self.squares.max(f64::MIN_POSITIVE);
         let nats = -0.5 * self.readings * (-explained.min(1.0 - f64::EPSILON)).ln_1p();
-        Some((Ripple { hz: self.hz + off_hz, nats, angle_rad: sum.arg() }, looked.len()))
+        Some((Ripple { hz: self.hz + off_hz, pulse: self.pulse, nats, angle_rad: sum.arg() }, looked.len()))
     }
 
     fn in_common(&self, off_hz: f64) -> Complex<f64> {

@@ -240,7 +240,7 @@ impl<'a> Knife<'a> {
         }
     }
 
-    /// The same with every edge of the PWM. Each period begins with its pulse. A command waits for the next period where the
+    /// The same with every edge of the PWM. A command waits for the next period where the
     /// compare registers of the timer are double buffered (ATmega328P data sheet, 15.7 and 16.9).
     fn switched_row(&self, index: usize, pieces: &mut Vec<Piece>) {
         let data = self.data;
@@ -252,9 +252,11 @@ impl<'a> Knife<'a> {
             let at_once = data.origin.commands_at_once;
             let (row, mean_duty) = self.taken_at(index, if at_once { from_s } else { begun_s });
             let changes_s = if at_once { self.changes_s(index, row) } else { f64::INFINITY };
-            let pulse_ends_s = begun_s + mean_duty.abs() * (next_s - begun_s);
-            let is_pulse = from_s < pulse_ends_s - SAME_LENGTH_S;
-            let ends_s = if is_pulse { pulse_ends_s } else { next_s };
+            let pulse_s = begun_s + data.origin.pulse.begins_at(mean_duty) * (next_s - begun_s);
+            let pulse_ends_s = pulse_s + mean_duty.abs() * (next_s - begun_s);
+            let ends_s = [pulse_s, pulse_ends_s, next_s].into_iter().find(|edge_s| from_s < edge_s - SAME_LENGTH_S);
+            let ends_s = ends_s.unwrap_or(next_s);
+            let is_pulse = from_s >= pulse_s - SAME_LENGTH_S && ends_s <= pulse_ends_s + SAME_LENGTH_S;
             let length_s = (ends_s.min(to_s).min(changes_s) - from_s).min(self.longest_step_s);
             let share = (from_s + 0.5 * length_s - data.time_s[index]) / interval_s;
             let half = 0.5 * length_s / interval_s;

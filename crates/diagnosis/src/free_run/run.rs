@@ -265,6 +265,7 @@ impl<'a> Run<'a> {
         if at.open || at.duty == 0.0 {
             return 0.0;
         }
+        let sampled_at = (sampled_at - self.data.origin.pulse.begins_at(at.duty)).rem_euclid(1.0);
         let volts = self.step.volts(at.current_a, at.speed_rad_per_s, at.voltage_v, terms);
         terms.ripple.sampled_a(at.current_a, sampled_at, &volts) - at.current_a
     }

@@ -1,0 +1,191 @@
+//! The stock PWM of an Uno, 490 Hz: the current goes up and down within each period, and a sketch reads it at any moment.
+//! The bridge brakes or coasts between the pulses. The simulation shares nothing with the models.
+
+use crate::fresh_seed;
+use motorbench_data::recording::Recording;
+use motorbench_data::rig::Rig;
+use motorbench_diagnosis::diagnose::diagnose;
+use motorbench_diagnosis::diagnose::outcome::{Outcome, Verdict};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use std::f64::consts::TAU;
+use std::fmt::Write as _;
+
+const SUPPLY_V: f64 = 12.0;
+const RESISTANCE_OHM: f64 = 5.0;
+const INDUCTANCE_H: f64 = 2.5e-3;
+const TORQUE_CONSTANT: f64 = 0.06;
+const INERTIA_KG_M2: f64 = 3.5e-5;
+const VISCOUS_NM_S: f64 = 5e-6;
+const FRICTION_NM: f64 = 0.005;
+const DROP_V: f64 = 1.4;
+const DIODE_V: f64 = 0.8;
+const COUNTS_PER_REV: f64 = 1200.0;
+const STEP_S: f64 = 1e-5;
+/// One step of a converter of 10 bits behind a sensor of 185 mV/A.
+const STEP_A: f64 = 0.0264;
+
+/// What the bridge does between the pulses.
+#[derive(Clone, Copy, PartialEq)]
+enum Between {
+    Brakes,
+    Coasts,
+}
+
+/// How a timer makes a duty.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Timer {
+    /// In software: a period begins with its pulse, and a command acts at once.
+    Software,
+    /// The pulse is in the middle of a period, and a command waits for the next one, as on the pins 9 and 10 of an Uno.
+    PhaseCorrect,
+}
+
+struct Bench {
+    timer: Timer,
+    /// Of the period that runs.
+    duty: f64,
+    pwm_hz: f64,
+    /// Share of a period that has passed at time 0.
+    phase: f64,
+    time_s: f64,
+    current_a: f64,
+    speed_rad_per_s: f64,
+    angle_rad: f64,
+}
+
+impl Bench {
+    /// Runs at a duty for some time.
+    fn run(&mut self, between: Between, duty: f64, length_s: f64) {
+        for _ in 0..(length_s / STEP_S).round() as usize {
+            let passed = (self.phase + self.time_s * self.pwm_hz).fract();
+            if self.timer == Timer::Software || passed < STEP_S * self.pwm_hz {
+                self.duty = duty;
+            }
+            let is_on = match self.timer {
+                Timer::Software => passed < self.duty.abs(),
+                Timer::PhaseCorrect => (passed - 0.5).abs() < 0.5 * self.duty.abs(),
+            };
+            self.current_a = self.current_after(between, is_on, self.duty);
+            let torque_nm = TORQUE_CONSTANT * self.current_a - VISCOUS_NM_S * self.speed_rad_per_s;
+            let free = self.speed_rad_per_s + STEP_S * torque_nm / INERTIA_KG_M2;
+            self.speed_rad_per_s = less(free, STEP_S * FRICTION_NM / INERTIA_KG_M2);
+            self.angle_rad += STEP_S * self.speed_rad_per_s;
+            self.time_s += STEP_S;
+        }
+    }
+
+    fn current_after(&self, between: Between, is_on: bool, duty: f64) -> f64 {
+        let per_volt = STEP_S / INDUCTANCE_H;
+        let own_v = -RESISTANCE_OHM * self.current_a - TORQUE_CONSTANT * self.speed_rad_per_s;
+        let free = |source_v: f64| self.current_a + per_volt * (source_v + own_v);
+        match (between, is_on) {
+            (Between::Coasts, false) if self.current_a == 0.0 => 0.0,
+            // Through the diodes against the supply until it is zero.
+            (Between::Coasts, false) => {
+                let way = self.current_a.signum();
+                let next = free(-way * (SUPPLY_V + 2.0 * DIODE_V));
+                if next * way > 0.0 { next } else { 0.0 }
+            }
+            _ => less(free(if is_on { SUPPLY_V.copysign(duty) } else { 0.0 }), per_volt * DROP_V),
+        }
+    }
+}
+
+/// What a loss takes of a value, at most all of it.
+fn less(value: f64, loss: f64) -> f64 {
+    value.signum() * (value.abs() - loss).max(0.0)
+}
+
+/// Duties of both signs for some time each, and a slow way through zero.
+fn command(time_s: f64) -> f64 {
+    const DUTIES: [i32; 16] = [0, 129, 60, 210, -139, 162, -128, 208, -26, -110, 120, -32, 103, 24, -223, 193];
+    let duty = match time_s {
+        ..8.0 => f64::from(DUTIES[(time_s / 0.5) as usize]),
+        _ => 235.0 * (0.9 * time_s).sin(),
+    };
+    (duty.round() / 255.0 * 1e5).round() / 1e5
+}
+
+impl Bench {
+    /// 12 s in rows of 10.1 ms, with the current of the moment.
+    fn table(self, between: Between) -> String {
+        let mut bench = self;
+        let mut text = String::from("t_s,duty,counts,i_A\n");
+        for row in 0..1190 {
+            let time_s = f64::from(row) * 0.0101;
+            let counts = (bench.angle_rad / TAU * COUNTS_PER_REV).floor();
+            let current = (bench.current_a / STEP_A).round() * STEP_A;
+            let _ = writeln!(text, "{time_s:.5},{},{counts},{current:.4}", command(time_s));
+            bench.run(between, command(time_s), 0.0101);
+        }
+        text
+    }
+}
+
+fn diagnosed(text: &str, bridge: &str) -> Outcome {
+    let rig = format!(
+        "[supply]\nvoltage_V = {SUPPLY_V}\n[encoder]\ncounts_per_rev = {COUNTS_PER_REV}\n[motor]\nresistance_ohm = 5.4\ninductance_H = 0.0025\ntorque_constant_Nm_per_A = 0.062\ninertia_kg_m2 = 3.3e-5\n{bridge}"
+    );
+    let recording = Recording::parse("run.csv", text.as_bytes(), &[]).unwrap();
+    diagnose(&[recording], &Rig::parse("rig.toml", &rig).unwrap(), &|_| ()).unwrap().outcome
+}
+
+fn value(found: &Outcome, effect: &str, name: &str) -> f64 {
+    let cause = found.causes.iter().find(|cause| cause.effect == effect);
+    cause.unwrap_or_else(|| panic!("no {effect}: {found:?}")).parameters[name].value
+}
+
+fn assert_near(what: &str, found: f64, expected: f64, share: f64) {
+    assert!((found / expected - 1.0).abs() < share, "{what}: {found}, expected {expected}");
+}
+
+/// The clock of the board is off by up to half a percent, and the recording begins anywhere in a period.
+fn assert_told(timer: Timer, between: Between, bridge: &str) {
+    let seed = fresh_seed();
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let bench = Bench {
+        timer,
+        pwm_hz: 490.196 * random.random_range(0.995..1.005),
+        phase: random.random(),
+        duty: 0.0,
+        time_s: 0.0,
+        current_a: 0.0,
+        speed_rad_per_s: 0.0,
+        angle_rad: 0.0,
+    };
+    let case = format!("seed {seed}, {:.3} Hz", bench.pwm_hz);
+    let hz = bench.pwm_hz;
+    let found = diagnosed(&bench.table(between), bridge);
+    assert_near(&format!("{case}: friction"), value(&found, "coulomb_friction", "torque_Nm"), FRICTION_NM, 0.15);
+    if between == Between::Brakes {
+        assert_near(&format!("{case}: drop"), value(&found, "voltage_drop", "drop_V"), DROP_V, 0.15);
+    }
+    let inductance_h = found.parameters["inductance_H"].value;
+    assert_near(&format!("{case}: inductance"), inductance_h, INDUCTANCE_H, 0.15);
+    assert_eq!(found.verdict, Verdict::Explained, "{case}: {found:?}");
+    let advice = found.advice.join("\n");
+    assert!(advice.contains(&format!("a PWM of {hz:.2} Hz")), "{case}: {advice}");
+    assert!(advice.contains("Average the current over a PWM period"), "{case}: {advice}");
+}
+
+/// The current of a moment is not the mean of a period. All is told all the same, and what to do.
+#[test]
+fn a_current_of_any_moment_at_490_hz() {
+    assert_told(Timer::Software, Between::Brakes, "");
+}
+
+#[test]
+fn a_current_of_any_moment_where_the_off_phase_coasts() {
+    assert_told(Timer::Software, Between::Coasts, "[bridge]\npwm_Hz = 490\ndecay = \"coast\"\n");
+}
+
+#[test]
+fn pulses_in_the_middle_of_their_period() {
+    assert_told(Timer::PhaseCorrect, Between::Brakes, "");
+}
+
+#[test]
+fn pulses_in_the_middle_of_their_period_where_the_off_phase_coasts() {
+    assert_told(Timer::PhaseCorrect, Between::Coasts, "[bridge]\npwm_Hz = 490\ndecay = \"coast\"\n");
+}
