@@ -54,15 +54,8 @@ pub fn recording(name: &str, mut content: Content, mappings: &[Mapping]) -> Resu
         Term::Column(column) => Some((found.channel, columns[column])),
         _ => None,
     });
-    let has_direction = uses.iter().any(|found| matches!(found.term, Term::Signed(..)));
     let left: Vec<&Column> = unused().filter(|column| !column.is_text()).collect();
-    recording.suggestion = suggestions::options(left.iter().copied(), &has, taken, has_direction);
-    if let Some(current) = suggestions::unsigned_current(&left, has_direction) {
-        recording.notes.push(format!(
-            "{} has no sign. While the motor brakes its current is negative, so it is better left out.",
-            current.name
-        ));
-    }
+    recording.suggestion = suggestions::options(left.iter().copied(), &has, taken);
     recording.ignored = unused()
         .map(|column| column.name.clone())
         .filter(|name| !name.is_empty() && name != crate::table::PREFIX)
@@ -228,7 +221,7 @@ fn no_channel(columns: &[Column], has: &[Channel]) -> String {
         return "no numbers were found in it. Save the signals as plain vectors, or as CSV".into();
     }
     let are_numbered = names.iter().all(|name| last_part(name).parse::<usize>().is_ok());
-    let proposal = suggestions::options(numbers(), has, std::iter::empty(), false);
+    let proposal = suggestions::options(numbers(), has, std::iter::empty());
     let is_probe =
         |column: &&Column| column.name.to_lowercase().starts_with("ch") && matches!(&*column.unit, "V" | "mV");
     let advice = match numbers().any(|column| is_probe(&column)) {

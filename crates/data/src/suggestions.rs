@@ -92,15 +92,13 @@ fn share(column: &Column) -> String {
 
 /// Options for the columns that are likely channels which the recording has not yet. `taken` are the columns that are
 /// channels by their names: one without a sign gets it from a column with the direction. A current does not: while the
-/// motor brakes, it is against the direction. `has_direction`: a mapping uses one already.
+/// motor brakes, it is against the direction. It is compared as a magnitude.
 pub fn options<'a>(
     columns: impl Iterator<Item = &'a Column>,
     has: &[Channel],
     taken: impl Iterator<Item = (Channel, &'a Column)>,
-    has_direction: bool,
 ) -> String {
     let columns: Vec<&Column> = columns.collect();
-    let current = unsigned_current(&columns, has_direction).map(|column| &*column.name);
     let direction = columns.iter().find(|column| is_direction(column));
     let sign_of = |column: &Column, channel: Channel| {
         let direction = direction.filter(|_| is_two_way(channel) && has_no_sign(column));
@@ -119,7 +117,7 @@ pub fn options<'a>(
     let mut known: Vec<Channel> = has.to_vec();
     let mut likely_ones: Vec<(&Column, Channel, String)> = Vec::new();
     for column in &columns {
-        let Some((channel, right)) = likely(column).filter(|_| Some(&*column.name) != current) else { continue };
+        let Some((channel, right)) = likely(column) else { continue };
         if !known.iter().any(|other| is_same_quantity(*other, channel)) {
             known.push(channel);
             likely_ones.push((column, channel, right));
@@ -138,17 +136,6 @@ pub fn options<'a>(
     options.trim_start().to_owned()
 }
 
-/// A current that has no sign, beside a direction that changes.
-pub fn unsigned_current<'a>(columns: &[&'a Column], has_direction: bool) -> Option<&'a Column> {
-    let turns = has_direction || columns.iter().any(|column| is_direction(column) && changes(column));
-    let is_unsigned = |column: &&&Column| {
-        likely(column).is_some_and(|(channel, right)| channel == Channel::Current && !right.ends_with(OF_CONVERTER))
-            && has_no_sign(column)
-            && changes(column)
-    };
-    columns.iter().find(is_unsigned).copied().filter(|_| turns)
-}
-
 /// Whether a column has more than one value.
 fn changes(column: &Column) -> bool {
     column.values.windows(2).any(|pair| pair[0] != pair[1])
@@ -164,9 +151,9 @@ fn is_signal(column: &Column) -> bool {
     words(crate::mapping::last_part(&column.name)).iter().map(letters).any(|word| SIGNALS.contains(&&*word))
 }
 
-/// Whether a quantity has a sign on a bridge that drives both ways.
+/// Whether a quantity has the sign of the direction on a bridge that drives both ways.
 fn is_two_way(channel: Channel) -> bool {
-    matches!(channel, Channel::Duty | Channel::Voltage | Channel::Current | Channel::Speed | Channel::Rpm)
+    matches!(channel, Channel::Duty | Channel::Voltage | Channel::Speed | Channel::Rpm)
 }
 
 /// What each column likely is, the right side of a mapping; empty where nothing speaks for a channel, or another column
@@ -300,17 +287,17 @@ mod tests {
             column("mode", &[1.0, 2.0]),
         ];
         assert_eq!(
-            options(table.iter(), &[Channel::Rpm], empty(), false),
+            options(table.iter(), &[Channel::Rpm], empty()),
             "--column millis=t_s/1000 --column pwm=duty/255 --column current_mA=i_A/1000"
         );
         let with_direction = [column("pwm", &[0.0, 99.0]), column("dir", &[0.0, 1.0]), column("adc", &[512.0])];
         assert_eq!(
-            options(with_direction.iter(), &[Channel::Time], empty(), false),
+            options(with_direction.iter(), &[Channel::Time], empty()),
             "--column 'pwm*sign(dir)=duty/100' --column adc=i_A*AMPERES_PER_STEP-AMPERES_AT_0"
         );
         let robot = [column("/Drive/LeftAppliedVolts", &[1.0]), column("/Drive/LeftVelocityRadPerSec", &[1.0])];
         assert_eq!(
-            options(robot.iter(), &[Channel::Time], empty(), false),
+            options(robot.iter(), &[Channel::Time], empty()),
             "--column /Drive/LeftAppliedVolts=u_V --column /Drive/LeftVelocityRadPerSec=omega_rad_per_s"
         );
         let other = [
@@ -319,10 +306,10 @@ mod tests {
             column("motorSpeed", &[0.0, 9.0]),
         ];
         assert_eq!(
-            options(other.iter(), &[], empty(), false),
+            options(other.iter(), &[], empty()),
             "--column t=t_s --column '/motor/Voltage, commanded=u_V' --column motorSpeed=omega_rad_per_s"
         );
-        assert_eq!(options([column("foo", &[1.0])].iter(), &[], empty(), false), "");
+        assert_eq!(options([column("foo", &[1.0])].iter(), &[], empty()), "");
         let nameless = [column("1", &[412.0, 422.0]), column("2", &[0.0, 0.0]), column("3", &[0.0, 0.0])];
         assert_eq!(by_number(&nameless), "--column 1=t_s/1000 --column 2=u_V --column 3=rpm");
         let of_sketch = [
@@ -340,15 +327,14 @@ mod tests {
         let unused = [column("pwm", &[0.0, 206.0]), column("dir", &[1.0, 0.0]), column("mA", &[0.0, 800.0])];
         let rpm = column("rpm", &[0.0, 900.0]);
         assert_eq!(
-            options(unused.iter(), &[Channel::Time, Channel::Rpm], [(Channel::Rpm, &rpm)].into_iter(), false),
-            "--column 'rpm*sign(dir)=rpm' --column 'pwm*sign(dir)=duty/255'"
+            options(unused.iter(), &[Channel::Time, Channel::Rpm], [(Channel::Rpm, &rpm)].into_iter()),
+            "--column 'rpm*sign(dir)=rpm' --column 'pwm*sign(dir)=duty/255' --column mA=i_A/1000",
+            "the current of a motor that brakes is against the direction"
         );
-        // The current of a motor that brakes is against the direction.
         let of_current = [column("mA", &[0.0, 800.0])];
-        assert_eq!(options(of_current.iter(), &[], empty(), true), "");
-        assert_eq!(options(of_current.iter(), &[], empty(), false), "--column mA=i_A/1000");
+        assert_eq!(options(of_current.iter(), &[], empty()), "--column mA=i_A/1000");
         let one_way = [column("pwm", &[0.0, 206.0]), column("dir", &[1.0, 1.0])];
-        assert!(!options(one_way.iter(), &[Channel::Rpm], [(Channel::Rpm, &rpm)].into_iter(), false).contains("rpm"));
+        assert!(!options(one_way.iter(), &[Channel::Rpm], [(Channel::Rpm, &rpm)].into_iter()).contains("rpm"));
     }
 
     #[test]
@@ -356,11 +342,11 @@ mod tests {
         let column = |name: &str, values: &[f64]| Column::new(name, values.to_vec());
         let simulink = [column("Motor Angular Velocity", &[0.0, 9.0]), column("Step1", &[0.0, 13_107.0])];
         assert_eq!(
-            options(simulink.iter(), &[], empty(), false),
+            options(simulink.iter(), &[], empty()),
             "--column 'Motor Angular Velocity=omega_rad_per_s' --column Step1=duty/65535"
         );
         let volts = [column("input signal", &[0.0, 11.5]), column("Angular_Velocity", &[0.0, 9.0])];
-        assert!(options(volts.iter(), &[], empty(), false).ends_with("--column 'input signal=u_V'"));
+        assert!(options(volts.iter(), &[], empty()).ends_with("--column 'input signal=u_V'"));
     }
 
     #[test]

@@ -21,6 +21,16 @@ pub(super) fn has_no_sign(drive: &[f64], motion: &[f64]) -> bool {
     goes(drive, 1.0) && goes(drive, -1.0) && goes(motion, 1.0) && !goes_back && follows()
 }
 
+/// Whether a current never reverses though its drive does, and follows the magnitude of it: the sensor has no sign. A sensor
+/// of one direction, and one that reads something at no current, follow the drive itself.
+pub(super) fn is_a_magnitude(drive: &[f64], current: &[f64]) -> bool {
+    let magnitude: Vec<f64> = drive.iter().map(|volts| volts.abs()).collect();
+    let follows = |drive: &[f64]| correlation(&about_mean(drive), &about_mean(current));
+    let least = -SUBSTANTIAL * greatest(current);
+    let goes_back = current.iter().any(|current| *current < least);
+    goes(drive, 1.0) && goes(drive, -1.0) && !goes_back && follows(&magnitude) > follows(drive).abs()
+}
+
 /// Whether many rows have substantial values of this sign.
 fn goes(values: &[f64], sense: f64) -> bool {
     let least = SUBSTANTIAL * greatest(values);
@@ -66,6 +76,17 @@ mod tests {
         // Driven in one direction alone it needs no sign.
         let forwards: Vec<f64> = drive.iter().map(|volts| volts.abs()).collect();
         assert!(!has_no_sign(&forwards, &magnitude));
+    }
+
+    #[test]
+    fn a_current_without_a_sign_is_seen() {
+        let drive = volts();
+        let of = |read: fn(f64) -> f64| drive.iter().map(|volts| read(0.1 * volts)).collect::<Vec<f64>>();
+        assert!(is_a_magnitude(&drive, &of(f64::abs)));
+        assert!(!is_a_magnitude(&drive, &of(|current| current)));
+        assert!(!is_a_magnitude(&drive, &of(|current| current.max(0.0))), "one direction alone");
+        assert!(!is_a_magnitude(&drive, &of(|current| current + 2.5)), "the reading at no current is not taken off");
+        assert!(!is_a_magnitude(&of(f64::abs), &of(f64::abs)), "driven in one direction it needs no sign");
     }
 
     #[test]

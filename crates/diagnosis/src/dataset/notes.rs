@@ -129,6 +129,9 @@ impl Dataset {
     /// On its window, and on the PWM in it.
     fn notes_on_the_current(&self) -> Vec<String> {
         let mut notes = Vec::new();
+        if self.origin.current_is_magnitude {
+            notes.push("i_A never becomes negative though the voltage reverses. Its sensor has no sign, so it is compared with the magnitude of the current.".to_owned());
+        }
         if self.origin.timing.current_window_s.is_none() && self.origin.current_window_s > 0.0 {
             notes.push(format!(
                 "The current is compared as a mean over the {:.4} s before its row; a lag or more inductance would explain it as well. Set [recording] current_window_s in the rig file to say which it is.",

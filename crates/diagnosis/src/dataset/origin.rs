@@ -53,6 +53,8 @@ pub struct Origin {
     pub timing: Timing,
     /// An assumed drop of the bridge that the recordings do not show; every model is simulated behind it.
     pub hidden_drop_v: f64,
+    /// Whether the current sensor has no sign.
+    pub current_is_magnitude: bool,
     /// Averaging time of the current before each row; 0: an instantaneous value.
     pub current_window_s: f64,
     /// Whether each row was written after its command had acted; the commands here have been moved.
@@ -142,6 +144,7 @@ impl Origin {
         self.contradictions.extend(new);
         self.empty.extend(other.empty.into_iter().filter(|channel| !self.empty.contains(channel)).collect::<Vec<_>>());
         self.held_rotor.extend(other.held_rotor.into_iter().map(|held| held.later_by(before)));
+        self.current_is_magnitude |= other.current_is_magnitude;
         self.dead_current_a = self.dead_current_a.or(other.dead_current_a);
         self.end_of_range = match (self.end_of_range, other.end_of_range) {
             (Some(mine), Some(theirs)) => {

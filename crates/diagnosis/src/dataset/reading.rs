@@ -318,13 +318,15 @@ impl Dataset {
     }
 
     /// What a motor without an external drive never does: return energy all the time.
-    pub(super) fn check_signs(&self, name: &str, recorded: &[Channel]) -> Result<(), DatasetError> {
+    pub(super) fn check_signs(&mut self, name: &str, recorded: &[Channel]) -> Result<(), DatasetError> {
         // In a short piece it may just be reversing.
         if self.load_nm.iter().any(|load| *load != 0.0) || self.span_s() < SHORTEST_S {
             return Ok(());
         }
         let drive: Vec<f64> =
             self.command.iter().zip(&self.open).map(|(volts, open)| if *open { 0.0 } else { *volts }).collect();
+        let is_magnitude = |current: &Measured| mistakes::is_a_magnitude(&drive, &current.values);
+        self.origin.current_is_magnitude = self.axis.drive.is_voltage() && self.current().is_some_and(is_magnitude);
         let against = |measured: &&Measured| correlation(&drive, &measured.values) < BACKWARD;
         let column = |measured: &Measured| {
             let made_of = match measured.output {

@@ -19,6 +19,8 @@ const CLOCK_TOLERANCE: f64 = 0.006;
 const MEANS: f64 = 0.05;
 /// Readings on both sides whose mean is taken off: what the motor does changes more slowly.
 const AROUND: usize = 5;
+/// What else the residual has is judged from this far beside a peak, in widths of it.
+const BESIDE: std::ops::Range<usize> = 3..30;
 /// Frequencies lie closer than a ripple is wide by this factor, and so do the parts of the recording that are summed first.
 const FINER: f64 = 8.0;
 
@@ -136,13 +138,25 @@ impl Spectrum {
         // Of a ripple with two constants, cosine and sine.
         let explained =
             2.0 * sum.norm_sqr() / self.of_pulses.max(f64::MIN_POSITIVE) / self.squares.max(f64::MIN_POSITIVE);
-        let nats = -0.5 * self.readings * (-explained.min(1.0 - f64::EPSILON)).ln_1p();
+        let in_white = -0.5 * self.readings * (-explained.min(1.0 - f64::EPSILON)).ln_1p();
+        // What the model lacks is not white: its level beside the peak counts (as in a radar's detector of constant false
+        // alarm rate). A power of noise alone is distributed exponentially around its mean.
+        let in_coloured = sum.norm_sqr() / mean_beside(&looked, best).max(f64::MIN_POSITIVE);
+        let nats = in_white.min(in_coloured);
         Some((Ripple { hz: self.hz + off_hz, pulse: self.pulse, nats, angle_rad: sum.arg() }, looked.len()))
     }
 
     fn in_common(&self, off_hz: f64) -> Complex<f64> {
         self.parts.iter().map(|Part { time_s, sum }| sum * Complex::cis(-TAU * off_hz * time_s)).sum()
     }
+}
+
+/// Mean of a spectrum beside its peak.
+fn mean_beside(looked: &[f64], peak: usize) -> f64 {
+    let steps = |widths: usize| (FINER * widths as f64) as usize;
+    let is_beside = |index: &usize| (steps(BESIDE.start)..steps(BESIDE.end)).contains(&index.abs_diff(peak));
+    let beside = || (0..looked.len()).filter(is_beside).map(|index| looked[index]);
+    beside().sum::<f64>() / beside().count().max(1) as f64
 }
 
 /// Values less the mean around each; `None` where one of them is missing.

@@ -17,6 +17,9 @@ pub fn read(model: &Model, data: &Dataset, mut motion: Motion) -> Prediction {
     if let Some(late_s) = data.origin.timing.current_late_s {
         read_late(&mut motion.current_a, data, late_s);
     }
+    if data.origin.current_is_magnitude {
+        motion.current_a.iter_mut().for_each(|current| *current = current.abs());
+    }
     if (data.origin.timing.readings, data.motion().output) == (rig::Readings::Mean, Output::Speed) {
         motion.speed_rad_per_s = mean_since_row_before(&motion, data);
     }
