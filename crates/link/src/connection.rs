@@ -203,6 +203,11 @@ pub fn lines(text: &str) -> impl Iterator<Item = &str> {
     text.split(['\r', '\n'])
 }
 
+/// Whether a line of a file is for its reader. The board has no such lines, and answers them with an error.
+pub fn is_comment(line: &str) -> bool {
+    line.trim_start().starts_with('#')
+}
+
 /// `cause`: in the firmware's words.
 fn reset(cause: &str) -> BoardError {
     let remedy = match cause {

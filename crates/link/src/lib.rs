@@ -30,5 +30,5 @@ pub mod record;
 #[cfg(unix)]
 pub mod virtual_control;
 
-pub use connection::{Link, Losses, OTHER_READER, VERSION, lines};
+pub use connection::{Link, Losses, OTHER_READER, VERSION, is_comment, lines};
 pub use line::Line;

@@ -23,6 +23,8 @@ const MOST_POINTS: usize = 800;
 /// Quantities with the same unit.
 pub struct Panel {
     title: String,
+    /// Which of several it is about.
+    about: Option<String>,
     frequencies_hz: Option<Vec<f64>>,
     /// Below the panel before it, as its difference.
     is_difference: bool,
@@ -34,12 +36,25 @@ pub struct Panel {
 impl Panel {
     /// Over time, without lines so far. The title gives quantity and unit.
     pub fn new(title: &str) -> Self {
-        Self { title: title.into(), frequencies_hz: None, is_difference: false, is_aside: false, lines: Vec::new() }
+        Self {
+            title: title.into(),
+            about: None,
+            frequencies_hz: None,
+            is_difference: false,
+            is_aside: false,
+            lines: Vec::new(),
+        }
     }
 
     /// The same over these frequencies, positive and rising, on a logarithmic axis.
     pub fn over_frequencies(title: &str, frequencies_hz: Vec<f64>) -> Self {
         Self { frequencies_hz: Some(frequencies_hz), ..Self::new(title) }
+    }
+
+    /// Of one of several, each with a panel of its own.
+    #[must_use]
+    pub fn about(self, name: &str) -> Self {
+        Self { about: Some(name.into()), ..self }
     }
 
     /// The difference of what the panel before it shows: on a page it is lower, and has no heading.
@@ -80,14 +95,17 @@ fn colours(lines: &[(String, Vec<f64>)]) -> Vec<RGBColor> {
 /// The same for a page. Those over time are zoomed together.
 pub fn figures(interval_s: f64, panels: &[&Panel]) -> Markup {
     let caption = |panel: &Panel| {
-        let title = capital(quantity(&panel.title));
+        // A difference begins with a name, which may be that of a file.
+        let title = quantity(&panel.title);
+        let title = if panel.is_difference { title.to_owned() } else { capital(title) };
+        let title = panel.about.as_ref().map_or_else(|| title.clone(), |name| format!("{title}, {name}"));
         html! { @if panel.is_difference { (title) } @else { b { (title) } } }
     };
     html! { @for panel in panels { (panel.plot(interval_s).figure(&caption(panel))) } }
 }
 
 fn is_measured(name: &str) -> bool {
-    name.ends_with("measured")
+    name == "measured" || name.ends_with(", measured")
 }
 
 impl Panel {

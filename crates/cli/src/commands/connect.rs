@@ -11,7 +11,7 @@ use motorbench_data::rig::NominalMotor;
 use motorbench_data::sensor_scales::SensorScales;
 use motorbench_link::board::{Board as _, BoardError, LOST_AFTER_MS, cause, clear};
 use motorbench_link::port::Port;
-use motorbench_link::{self, Link, VERSION};
+use motorbench_link::{self, Link, VERSION, is_comment};
 use motorbench_text::terminal_text::narrow;
 use std::io::{IsTerminal as _, Write as _, stderr, stdin, stdout};
 use std::slice;
@@ -156,6 +156,7 @@ impl Console<'_> {
         let mut watched = Watched::default();
         while !stopped.load(Ordering::Relaxed) {
             match lines.try_recv() {
+                Ok(line) if is_comment(&line) => {}
                 Ok(line) => {
                     self.answer(&line)?;
                     watched.scales.after(&line);
@@ -317,7 +318,7 @@ impl Drop for Console<'_> {
 /// is the only one.
 fn single_lines(text: &str) -> impl Iterator<Item = &str> {
     let is_empty = text.trim().is_empty();
-    motorbench_link::lines(text).filter(move |line| is_empty || !line.trim().is_empty())
+    motorbench_link::lines(text).filter(move |line| is_empty || !line.trim().is_empty() && !is_comment(line))
 }
 
 /// Prints a line, which a terminal gets broken to its width.

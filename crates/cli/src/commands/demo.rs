@@ -4,7 +4,7 @@ mod loops;
 mod revealed;
 
 use super::own_files::WRITTEN;
-use super::{Failure, JSON_TO, Outputs, TERMINAL, is_terminal, provenance, write_json};
+use super::{Failure, JSON_TO, Outputs, TERMINAL, is_terminal, open_next, provenance, write_json};
 use clap::Args;
 use host_sim::hidden_bench::{RECORDED_S, SUPPLY_V, data_sheet, draw};
 #[cfg(feature = "chip")]
@@ -32,7 +32,7 @@ use motorbench_model::Model;
 use motorbench_report::diagnosis_page::{self as report, Besides};
 use motorbench_report::diagnosis_text as page;
 use motorbench_report::web_page::{Provenance, lines};
-use motorbench_text::terminal_text::{short, wrapped};
+use motorbench_text::terminal_text::{quoted, short, wrapped};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use revealed::Revealed;
@@ -106,7 +106,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let found = format!("\n{}\n{}{}\n", page::verdict(&diagnosis.outcome), errors(&diagnosis.outcome), revealed.text());
     outputs.say(&found);
     let loops = working("three loops are designed and tried", |_| Loops::compared(&truth, &nominal, &diagnosis))?;
-    let taken = drawn.lines().chain(found.lines()).count();
+    // What was written takes two lines more.
+    let taken = drawn.lines().chain(found.lines()).count() + if arguments.csv.is_some() { 2 } else { 0 };
     outputs.say(&loops.picture(SCREENFUL.saturating_sub(taken as u16)));
     let whole = Whole { seed, recorded, hidden, diagnosis, loops, revealed };
     match &arguments.report {
@@ -120,6 +121,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     if let Some(path) = &arguments.json {
         write_json(path, &whole.json())?;
     }
+    let next = arguments.csv.as_ref().map(|csv| format!("motorbench diagnose {}", quoted(&csv.display().to_string())));
+    outputs.wrote(&next.unwrap_or_else(|| open_next(arguments.report.as_deref())));
     Ok(())
 }
 

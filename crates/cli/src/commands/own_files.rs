@@ -9,7 +9,7 @@ use serde_json::{Map, Value};
 use std::fs;
 use std::path::Path;
 
-/// First line of a TOML file that motorbench wrote.
+/// First line of a TOML file and of console lines that motorbench wrote.
 pub(super) const WRITTEN: &str = "# Written by motorbench, which writes over it.\n";
 /// The same for pages and plots, before their last line.
 const IN_PAGES: &str = "<!-- Written by motorbench, which writes over it. -->\n";
@@ -39,13 +39,14 @@ impl Kind {
         let text = contents.trim_ascii_start();
         let begins =
             |with: &str| text.get(..with.len()).is_some_and(|begin| begin.eq_ignore_ascii_case(with.as_bytes()));
+        let lines = contents.strip_prefix(WRITTEN.as_bytes()).unwrap_or(text);
         match text {
             [b'{', ..] | [b'[', b']' | b'{' | b'\n' | b'0'..=b'9', ..] => Self::Json,
             _ if begins("<!doctype html") || begins("<html") => Self::Page,
             _ if begins("<svg") || begins("<?xml") => Self::Plot,
             _ if contents.starts_with(b"\x89PNG") => Self::Picture,
+            _ if lines.starts_with(b"set ") => Self::Lines,
             _ if begins(WRITTEN.trim_end()) || begins("[") => Self::Toml,
-            _ if begins("set ") => Self::Lines,
             _ if contents.contains(&b'\n') && is_text(contents) && names(contents).is_some() => Self::Table,
             _ => Self::Other,
         }
@@ -102,7 +103,7 @@ pub(super) fn may_be_replaced(path: &Path, there: &[u8], own: &[Mapping]) -> boo
     let contains = |mark: &[u8]| there.windows(mark.len()).any(|part| part == mark);
     match Kind::of(there) {
         _ if there.trim_ascii().is_empty() => true,
-        Kind::Toml => there.starts_with(WRITTEN.as_bytes()),
+        Kind::Toml | Kind::Lines => there.starts_with(WRITTEN.as_bytes()),
         Kind::Json => {
             // The side file of a measurement.
             let is_side = contains(b"\"firmware\"") && contains(b"\"settings\"");
@@ -110,7 +111,6 @@ pub(super) fn may_be_replaced(path: &Path, there: &[u8], own: &[Mapping]) -> boo
         }
         Kind::Page | Kind::Plot => contains(IN_PAGES.as_bytes()),
         Kind::Picture => contains(IN_PNG),
-        Kind::Lines => there.split(|byte| *byte == b'\n').all(|line| line.is_empty() || line.starts_with(b"set ")),
         Kind::Table => {
             names(there).is_some_and(|names| is_recording(&names, own) && is_as_written(there) || names == BODE)
         }
@@ -205,6 +205,7 @@ pub(super) fn not_ours(path: &Path) -> String {
 pub(super) fn marked(contents: &[u8]) -> Vec<u8> {
     let mut marked = contents.to_vec();
     match Kind::of(contents) {
+        Kind::Lines => marked = [WRITTEN.as_bytes(), contents].concat(),
         Kind::Json => {
             if let Some(before) = contents.strip_suffix(b"\n}\n").or_else(|| contents.strip_suffix(b"\n}")) {
                 marked = [before, IN_JSON.as_bytes()].concat();
@@ -243,7 +244,8 @@ mod tests {
     fn what_motorbench_wrote_is_known() {
         let toml = [WRITTEN.as_bytes(), b"[motor]\n"].concat();
         let png = [b"\x89PNG\r\n\x1a\n".as_slice(), END_OF_PNG].concat();
-        for written in [&b"{\n  \"a\": 1\n}\n"[..], b"<!DOCTYPE html>\n<p>", b"<svg></svg>", &png, &toml] {
+        let page = b"<!DOCTYPE html>\n<p>";
+        for written in [&b"{\n  \"a\": 1\n}\n"[..], page, b"<svg></svg>", &png, &toml, b"set speed_kp 1\n"] {
             assert!(may_be_replaced(Path::new("x"), &marked(written), &[]), "{}", String::from_utf8_lossy(written));
         }
         // Check sums of the standard: of a chunk of nothing but its name.
@@ -254,6 +256,7 @@ mod tests {
             b"<svg></svg>",
             &png,
             b"[motor]\n",
+            b"set speed_kp 1\n",
             b"notes: buy bearings",
             b"\x93NUMPY",
         ] {

@@ -6,9 +6,9 @@ use super::{Failure, JSON_TO, Outputs, TERMINAL, tell, write_json};
 use clap::Args;
 use motorbench_core::settings::{Settings, find};
 use motorbench_files::text_file;
-use motorbench_link::Link;
 use motorbench_link::board::Board;
 use motorbench_link::port::Port;
+use motorbench_link::{Link, is_comment};
 use std::io::{IsTerminal, stdin};
 use std::path::PathBuf;
 
@@ -138,7 +138,7 @@ fn console_lines(text: &str) -> Vec<(&str, u32)> {
         .lines()
         .zip(1..)
         .flat_map(|(line, number)| motorbench_link::lines(line).map(move |line| (line.trim(), number)));
-    lines.filter(|(line, _)| !line.is_empty() && !line.starts_with('#')).collect()
+    lines.filter(|(line, _)| !line.is_empty() && !is_comment(line)).collect()
 }
 
 /// Tolerance for reading a setting back. The firmware reads a number within 3e-6 and prints six digits, within 1.2e-5

@@ -9,6 +9,7 @@ use motorbench_core::message::{Mode, Trip};
 use motorbench_core::settings::{Settings, find};
 use motorbench_data::names::trip_words;
 use motorbench_files::text_file;
+use motorbench_link::is_comment;
 use motorbench_report::panels::{Panel, panels};
 use motorbench_text::terminal_text::{quoted, short};
 use std::fmt::Write as _;
@@ -96,7 +97,7 @@ fn set(settings: &mut Settings, path: &Path) -> Result<(), Failure> {
     for (line, number) in text.lines().zip(1..) {
         let words: Vec<&str> = line.split_whitespace().collect();
         let [command, pairs @ ..] = &words[..] else { continue };
-        if command.starts_with('#') {
+        if is_comment(command) {
             continue;
         }
         if *command != "set" || pairs.is_empty() || pairs.len() % 2 == 1 {

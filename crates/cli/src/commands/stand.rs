@@ -1,5 +1,6 @@
 //! `motorbench stand`: evaluates a table of steady states, or measures one on a board.
 
+mod figures;
 mod measure;
 
 use super::{
@@ -7,24 +8,18 @@ use super::{
     write_plot,
 };
 use clap::Args;
-use maud::html;
 use motorbench_data::delimited::Delimited;
 use motorbench_data::mapping::Mapping;
 use motorbench_data::recording::Recording;
 use motorbench_data::rig::Rig;
-use motorbench_diagnosis::steady_state::Winding;
 use motorbench_files::text_file;
-use motorbench_report::diagnosis_text::estimate;
 use motorbench_report::plot::axis_label;
 use motorbench_report::steady_state;
-use motorbench_report::web_page::lines;
-use motorbench_stand::derived::WrongCell;
-use motorbench_stand::{Directions, EfficiencyMap, LoadedPoint, OperatingPoint, Stand, evaluate};
-use motorbench_text::terminal_text::{fixed, rounded, short, wrapped};
+use motorbench_stand::{EfficiencyMap, OperatingPoint, Stand, evaluate};
+use motorbench_text::terminal_text::short;
 use plotters::coord::Shift;
 use plotters::prelude::*;
 use std::error::Error;
-use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 /// Test stand: drives a board through voltages and loads, or reads a table. Gives powers, efficiency, losses, condition and best
@@ -126,15 +121,14 @@ fn report(
     if let Some(path) = &arguments.json {
         write_json(path, &stand)?;
     }
-    let text = page(&stand, rig.motor.resistance_ohm);
     if let Some(path) = &arguments.report {
-        let figures = html! { section { h2 { "The test stand in figures" } (lines(&text)) } };
+        let figures = figures::section(&stand, rig.motor.resistance_ohm);
         let (title, kind) = ("motorbench stand", "Test stand");
         let from = provenance::of_files(arguments.table.iter().map(PathBuf::as_path));
         let from = provenance::with(from, "Rig file", Some(&arguments.rig));
         write(path, &steady_state::page_with(title, kind, &stand.study, vec![figures], from))?;
     }
-    outputs.say(&text);
+    outputs.say(&figures::page(&stand, rig.motor.resistance_ohm));
     // The map comes last, so that a table without a map still has its evaluation.
     arguments.map.as_deref().map_or(Ok(()), |path| write_map(path, &stand))?;
     outputs.wrote(&open_next(arguments.report.as_deref()));
@@ -168,200 +162,6 @@ fn resistances(path: &Path) -> Result<Vec<f64>, Failure> {
     match Delimited::new(&text).column("resistance_ohm").map_err(|what| failed(&what))? {
         none if none.is_empty() => Err(failed(&"it holds no resistance")),
         resistances => Ok(resistances),
-    }
-}
-
-/// Head of a column that only a table with loads has.
-fn load_head(stand: &Stand) -> &'static str {
-    if stand.loaded.is_empty() { "" } else { "  load_Nm" }
-}
-
-/// A cell of that column.
-fn load_cell(stand: &Stand, load_nm: f64) -> String {
-    if stand.loaded.is_empty() { String::new() } else { format!(" {:8.4}", without_sign(load_nm)) }
-}
-
-/// A brake that is off has no direction: there is no load of -0.
-fn without_sign(value: f64) -> f64 {
-    value + 0.0
-}
-
-fn page(stand: &Stand, nominal_ohm: Option<f64>) -> String {
-    let mut text = String::new();
-    nominal_levels(&mut text, stand);
-    losses(&mut text, stand);
-    text += &steady_state::cause_lines(&stand.study.outcome, false);
-    winding(&mut text, stand, nominal_ohm);
-    wrong_cells(&mut text, &stand.slips);
-    directions(&mut text, stand);
-    condition(&mut text, stand);
-    loads(&mut text, stand);
-    most_efficient(&mut text, stand);
-    text
-}
-
-/// The levels with the formulas of a test stand.
-fn nominal_levels(text: &mut String, stand: &Stand) {
-    let head = load_head(stand);
-    let _ = writeln!(
-        text,
-        "Derived with the nominal constants, as usual at test stands\n     u_V{head}  emf_V     rpm P_in_W P_out_W   eff torque_Nm  k_mot R_dyn_ohm"
-    );
-    for level in &stand.study.levels {
-        let _ = writeln!(
-            text,
-            "  {:6.2}{} {:6.2} {:7.1} {:6.2} {:7.2} {:5.2} {:9.4} {:6.2} {:9.2}",
-            level.u_V,
-            load_cell(stand, level.load_Nm),
-            level.emf_V,
-            level.rpm,
-            level.p_in_W,
-            level.p_out_W,
-            level.efficiency,
-            level.torque_Nm,
-            level.k_mot_rad_per_s_per_V,
-            level.dynamic_resistance_ohm
-        );
-    }
-}
-
-fn losses(text: &mut String, stand: &Stand) {
-    let (head, is_loaded) = (load_head(stand), !stand.loaded.is_empty());
-    let shaft = if is_loaded { "    shaft" } else { "" };
-    let _ = writeln!(
-        text,
-        "\nWhere the power goes by the constants found, W\n     u_V{head}{shaft}  winding     drop  dry fr.  viscous     rest"
-    );
-    for losses in &stand.losses {
-        let _ = writeln!(
-            text,
-            "  {:6.2}{}{} {:8.3} {:8.3} {:8.3} {:8.3} {:>8}",
-            losses.u_V,
-            load_cell(stand, losses.load_Nm),
-            if is_loaded { format!(" {:8.3}", without_sign(losses.shaft_W)) } else { String::new() },
-            losses.winding_W,
-            losses.drop_W,
-            losses.coulomb_W,
-            losses.viscous_W,
-            fixed(losses.rest_W, 3)
-        );
-    }
-}
-
-fn winding(text: &mut String, stand: &Stand, nominal_ohm: Option<f64>) {
-    let Some(winding) = &stand.winding else { return };
-    let least = winding.resistances_ohm.iter().copied().fold(f64::INFINITY, f64::min);
-    let most = winding.resistances_ohm.iter().copied().fold(0.0, f64::max);
-    let line = format!(
-        "Winding at {} positions: mean {} ohm, spread {}, {} to {}; nominal {}",
-        winding.resistances_ohm.len(),
-        short(winding.mean_ohm),
-        short(winding.spread_ohm),
-        short(least),
-        short(most),
-        nominal_ohm.map_or("unknown".into(), |nominal| against_mean(nominal, winding))
-    );
-    text.push('\n');
-    text.push_str(&wrapped(&line, "", "  "));
-}
-
-fn most_efficient(text: &mut String, stand: &Stand) {
-    text.push_str(match stand.loaded.is_empty() {
-        false => "\nMost efficient load at each voltage, by the constants found\n",
-        true => "\nMost efficient load at each voltage, predicted: no row of the table had a load\n",
-    });
-    text.push_str("     u_V  torque_Nm     rpm    i_A    eff\n");
-    for point in &stand.most_efficient {
-        let OperatingPoint { u_V, torque_Nm, omega_rad_per_s, i_A, efficiency } = point;
-        let rpm = rpm(*omega_rad_per_s);
-        let _ = writeln!(text, "  {u_V:6.2} {torque_Nm:10.4} {rpm:7.0} {i_A:6.2} {efficiency:6.2}");
-    }
-}
-
-/// Efficiency over load at each voltage.
-fn loads(text: &mut String, stand: &Stand) {
-    let Some(best) = stand.loaded.iter().max_by(|a, b| a.shaft_efficiency.total_cmp(&b.shaft_efficiency)) else {
-        return;
-    };
-    text.push_str("\nEfficiency over load: by formulas, at the brake, by the constants found\n");
-    text.push_str("     u_V  load_Nm     rpm    i_A  formulas  brake  found\n");
-    for point in &stand.loaded {
-        let LoadedPoint { u_V, load_Nm, i_A, formula_efficiency, shaft_efficiency, .. } = point;
-        let _ = writeln!(
-            text,
-            "  {u_V:6.2} {:8.4} {:7.0} {i_A:6.3} {formula_efficiency:9.3} {:6.3} {:>6}",
-            without_sign(*load_Nm),
-            rpm(point.omega_rad_per_s),
-            without_sign(*shaft_efficiency),
-            point.model_efficiency.map_or("-".into(), |efficiency| format!("{efficiency:.3}"))
-        );
-    }
-    let _ = writeln!(
-        text,
-        "Best measured: {:.3} at {:.2} V and {} Nm, {:.0} rpm",
-        best.shaft_efficiency,
-        best.u_V,
-        short(best.load_Nm),
-        rpm(best.omega_rad_per_s)
-    );
-    if let Some(scale) = &stand.load_scale {
-        let _ = writeln!(text, "The currents correspond to {} times the stated loads", estimate(scale));
-    }
-}
-
-/// Nominal resistance with its given digits, and whether it is the mean of the positions.
-fn against_mean(nominal_ohm: f64, winding: &Winding) -> String {
-    let digits = nominal_ohm.to_string().split_once('.').map_or(0, |(_, decimals)| decimals.len());
-    let is_mean = format!("{:.digits$}", winding.mean_ohm) == format!("{nominal_ohm:.digits$}");
-    if is_mean { short(nominal_ohm) } else { format!("{}, not that mean", short(nominal_ohm)) }
-}
-
-/// Wrong cells of a derived table.
-fn wrong_cells(text: &mut String, slips: &[WrongCell]) {
-    if slips.is_empty() {
-        return;
-    }
-    text.push_str(
-        "\nErrors in the derived table: printed cell, formula with its own row,\nformula with the readings\n",
-    );
-    text.push_str("     u_V                 column  printed  own row  readings\n");
-    let cell = |value: Option<f64>| value.map_or("-".into(), |value| rounded(value, 5));
-    for WrongCell { u_V, column, printed, by_row, by_readings } in slips {
-        let (row, readings) = (cell(*by_row), cell(*by_readings));
-        let _ = writeln!(text, "  {u_V:6.2} {column:>22} {:>8} {row:>8} {readings:>9}", rounded(*printed, 5));
-    }
-}
-
-fn rpm(omega_rad_per_s: f64) -> f64 {
-    omega_rad_per_s * 60.0 / std::f64::consts::TAU
-}
-
-fn directions(text: &mut String, stand: &Stand) {
-    if stand.directions.is_empty() {
-        return;
-    }
-    let head = load_head(stand);
-    let _ = writeln!(text, "\nForwards and backwards\n     u_V{head}  i_A fwd  i_A rev  rpm fwd  rpm rev");
-    for Directions { u_V, load_Nm, forward_A, reverse_A, forward_rad_per_s, reverse_rad_per_s } in &stand.directions {
-        let load = load_cell(stand, *load_Nm);
-        let _ = writeln!(
-            text,
-            "  {u_V:6.2}{load} {forward_A:8.4} {reverse_A:8.4} {:8.1} {:8.1}",
-            rpm(*forward_rad_per_s),
-            rpm(*reverse_rad_per_s)
-        );
-    }
-}
-
-fn condition(text: &mut String, stand: &Stand) {
-    if stand.condition.is_empty() {
-        return;
-    }
-    text.push_str("\nAgainst the earlier test\n");
-    for condition in &stand.condition {
-        let (before, now) = (estimate(&condition.before), estimate(&condition.now));
-        text.push_str(&wrapped(&format!("{}: {}", condition.part, condition.verdict), "  ", "    "));
-        let _ = writeln!(text, "    {}, {:+.1} sigmas:\n    {before} -> {now}", condition.quantity, condition.sigmas);
     }
 }
 

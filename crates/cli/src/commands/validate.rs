@@ -274,8 +274,8 @@ fn result(loops: &[Loop], remaining: &[String]) -> Value {
     json!({ "loops": list.collect::<Vec<_>>(), "remaining": remaining })
 }
 
-/// One loop: a plot as in `compare`. Several: all channels that they share, over the time of the first, and the
-/// differences.
+/// One loop: a plot as in `compare`. Several: all channels that they share, over the time of the first. Each loop has a
+/// plot of its own, as what is measured has one colour; their differences are in one.
 fn picture(loops: &[Loop]) -> Drawn {
     if let [only] = loops {
         return drawn(&only.compared, ["simulated", "measured"]);
@@ -289,11 +289,13 @@ fn picture(loops: &[Loop]) -> Drawn {
     let of_channel = |channel: &str| {
         let found: Vec<_> = loops.iter().map(|one| (one, difference(one, channel))).collect();
         let title = found[0].1.title();
-        let both = found.iter().fold(Panel::new(title), |panel, (one, difference)| {
-            panel
+        let each = found.iter().map(|(one, difference)| {
+            Panel::new(title)
+                .about(&one.name)
                 .line(&format!("{}, simulated", one.name), sampled(one, &difference.first))
                 .line(&format!("{}, measured", one.name), sampled(one, &difference.second))
         });
+        let each: Vec<Panel> = each.collect();
         let apart = found.iter().any(|(_, difference)| difference.differs()).then(|| {
             let new = Panel::new(&found[0].1.title_of_difference(["simulated", "measured"])).difference();
             found.iter().fold(new, |panel, (one, difference)| {
@@ -301,7 +303,7 @@ fn picture(loops: &[Loop]) -> Drawn {
             })
         });
         let is_aside = !is_of_the_motor(channel);
-        [both].into_iter().chain(apart).map(move |panel| panel.aside(is_aside))
+        each.into_iter().chain(apart).map(move |panel| panel.aside(is_aside))
     };
     (interval_s, shared(loops).into_iter().flat_map(of_channel).collect())
 }

@@ -7,7 +7,7 @@ use std::path::Path;
 use tempfile::TempDir;
 
 /// Files of a person and of other programs.
-const FOREIGN: [(&str, &[u8]); 16] = [
+const FOREIGN: [(&str, &[u8]); 18] = [
     ("notes.txt", b"notes: buy bearings\n"),
     ("hand.toml", b"[supply]\nvoltage_V = 12\n"),
     // A sketch may use the very names of the channels.
@@ -20,6 +20,8 @@ const FOREIGN: [(&str, &[u8]); 16] = [
     ("other.png", b"\x89PNG\r\n\x1a\nabc"),
     ("without_ending", b"hello"),
     ("lines.txt", b"set speed_kp 0.1\nand a note\n"),
+    ("by_hand.txt", b"set speed_kp 0.1 speed_ki 2\nset speed_tf 2.28\n"),
+    ("noted.txt", b"# of the afternoon\nset speed_kp 0.1\n"),
     ("book.xlsx", b"PK\x03\x04abc"),
     ("other.mat", b"MATLAB 5.0 MAT-file"),
     ("other.npy", b"\x93NUMPY"),
@@ -122,6 +124,8 @@ fn own_files_are_replaced_by_their_kind() {
             assert!(succeeds(folder.path(), &["convert", "run.csv", name]), "{name}");
         }
     }
+    let lines = std::fs::read_to_string(folder.path().join("gains.txt")).unwrap();
+    assert!(lines.starts_with("# Written by motorbench, which writes over it.\nset "), "{lines}");
     for (command, name) in [(&csv[..], "gains.txt"), (&console, "made.txt")] {
         assert!(!succeeds(folder.path(), &[command, &[name]].concat()), "{command:?} {name}");
     }

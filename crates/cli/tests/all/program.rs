@@ -393,6 +393,10 @@ fn the_demonstration_names_what_it_hid() {
     let rms = |index: usize| shown["loops"][index]["standstill_rms_rad_per_s"].as_f64().unwrap();
     assert!(rms(2) < 0.9 * rms(0), "{}", shown["loops"]);
     fits_a_terminal(&String::from_utf8(done.output.stdout.clone()).unwrap(), hidden);
+    let written = String::from_utf8(done.output.stderr.clone()).unwrap();
+    let words: Vec<&str> = written.split_whitespace().collect();
+    let expected = "wrote demo.html, team12.csv, team12.rig.toml, demo.json; next: motorbench diagnose team12.csv";
+    assert!(words.join(" ").ends_with(expected), "{written}");
     let page = std::fs::read_to_string(done.file("demo.html")).unwrap();
     for heading in [
         "The speed loop before and after",

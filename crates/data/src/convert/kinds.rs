@@ -40,6 +40,11 @@ fn workbook(rows: &[&[&str]]) -> Vec<u8> {
 
 /// A workbook with one sheet of these elements `row`.
 pub fn book_of(rows: &str) -> Vec<u8> {
+    book_with(rows, &[])
+}
+
+/// The same with more parts.
+pub fn book_with(rows: &str, others: &[(&str, &str)]) -> Vec<u8> {
     let main = "http://schemas.openxmlformats.org/spreadsheetml/2006/main";
     let relations = "http://schemas.openxmlformats.org/officeDocument/2006/relationships";
     let package = "http://schemas.openxmlformats.org/package/2006";
@@ -71,7 +76,8 @@ pub fn book_of(rows: &str) -> Vec<u8> {
         ("xl/worksheets/sheet1.xml", format!("<worksheet xmlns=\"{main}\"><sheetData>{rows}</sheetData></worksheet>")),
     ];
     let mut archive = ZipWriter::new(Cursor::new(Vec::new()));
-    for (name, text) in files {
+    let others = others.iter().map(|(name, text)| (*name, (*text).to_owned()));
+    for (name, text) in files.into_iter().chain(others) {
         archive.start_file(name, SimpleFileOptions::default()).unwrap();
         archive.write_all(text.as_bytes()).unwrap();
     }

@@ -8,6 +8,7 @@ mod mat;
 mod mat73;
 mod mat_objects;
 mod numpy;
+mod older_excel;
 mod open_document;
 mod plotjuggler;
 mod spreadsheet;
@@ -252,7 +253,7 @@ const LONGEST_NAME: usize = 256;
 /// So many bytes are unpacked of a file: more than a recording has. A small file may claim to hold more.
 const MOST_BYTES: u64 = 1 << 30;
 /// What is wrong with a file that holds more.
-const TOO_MUCH: &str = "more than 1 GB of numbers: save the signals of one recording alone";
+const TOO_MUCH: &str = "more than 1 GB in it: save the signals of one recording alone";
 
 /// The begin of a name.
 fn shortened(name: &str) -> &str {

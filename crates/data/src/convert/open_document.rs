@@ -1,10 +1,10 @@
 //! What an OpenDocument sheet (.ods) claims to hold, before it is read. A cell and a row may say that they are repeated a
 //! million times, and a file that ends within a table would be read for ever.
 
-use super::{Fault, MOST_BYTES};
+use super::Fault;
 use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
-use std::io::{BufReader, Cursor, Read};
+use std::io::{BufReader, Cursor};
 use zip::ZipArchive;
 
 /// The part with the sheets.
@@ -14,7 +14,7 @@ const CONTENT: &str = "content.xml";
 pub fn check(bytes: &[u8], most_cells: u64) -> Result<(), Fault> {
     let Ok(mut archive) = ZipArchive::new(Cursor::new(bytes)) else { return Ok(()) };
     let Ok(content) = archive.by_name(CONTENT) else { return Ok(()) };
-    let mut reader = Reader::from_reader(BufReader::new(content.take(MOST_BYTES)));
+    let mut reader = Reader::from_reader(BufReader::new(content));
     reader.config_mut().expand_empty_elements = true;
     let (mut depth, mut buffer, mut table) = (0_usize, Vec::new(), Table::default());
     loop {

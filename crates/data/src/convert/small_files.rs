@@ -1,6 +1,6 @@
 //! Small files that promise more than memory and time can hold: damaged ones, and ones with a stray cell.
 
-use super::kinds::{array, book_of, doubles, element, log, matlab, read_as, words};
+use super::kinds::{array, book_of, book_with, doubles, element, log, matlab, read_as, words};
 use super::*;
 use std::io::{Cursor, Write as _};
 use zip::ZipWriter;
@@ -131,4 +131,101 @@ fn a_sheet_that_ends_within_its_table_is_refused() {
         let why = read_as(Format::Spreadsheet, &open_document(cut), &[]).unwrap_err();
         assert!(why.contains("content.xml: this .ods is not whole") && why.contains("save the sheet as CSV"), "{why}");
     }
+}
+
+/// A record of an older spreadsheet.
+fn record(kind: u16, data: &[u8]) -> Vec<u8> {
+    [&kind.to_le_bytes()[..], &(data.len() as u16).to_le_bytes(), data].concat()
+}
+
+/// A number in a cell of an older spreadsheet.
+fn number_at(row: u16, column: u16, value: f64) -> Vec<u8> {
+    let place = [row, column, 0].map(u16::to_le_bytes).concat();
+    record(0x0203, &[&place[..], &value.to_le_bytes()].concat())
+}
+
+/// An older spreadsheet (.xls) whose sheets have these records.
+fn older_book(sheets: &[Vec<u8>]) -> Vec<u8> {
+    let begin = |what: u16| record(0x0809, &[[0, 6], what.to_le_bytes(), [0; 2], [0; 2]].concat());
+    let named = |at: usize, begin: usize| {
+        let name = format!("S{at}");
+        let head = [&(begin as u32).to_le_bytes()[..], &[0, 0, name.len() as u8, 0]].concat();
+        record(0x0085, &[&head[..], name.as_bytes()].concat())
+    };
+    let listed: usize = (0..sheets.len()).map(|at| named(at, 0).len()).sum();
+    let mut book = begin(5);
+    let mut place = book.len() + listed + record(0x000a, &[]).len();
+    let sheets: Vec<Vec<u8>> =
+        sheets.iter().map(|records| [begin(16), records.clone(), record(0x000a, &[])].concat()).collect();
+    for (at, sheet) in sheets.iter().enumerate() {
+        book.extend(named(at, place));
+        place += sheet.len();
+    }
+    book.extend(record(0x000a, &[]));
+    book.extend(sheets.concat());
+    let mut file = cfb::CompoundFile::create_with_version(cfb::Version::V3, Cursor::new(Vec::new())).unwrap();
+    file.create_stream("Workbook").unwrap().write_all(&book).unwrap();
+    file.into_inner().into_inner()
+}
+
+/// The header and a row of a table in an older spreadsheet.
+fn older_table() -> Vec<u8> {
+    let label = |column: u16, text: &str| {
+        let head = [0, column, 0, text.len() as u16].map(u16::to_le_bytes).concat();
+        record(0x0204, &[&head[..], &[0], text.as_bytes()].concat())
+    };
+    [label(0, "t_s"), label(1, "u_V"), number_at(1, 0, 0.0), number_at(1, 1, 1.5)].concat()
+}
+
+/// Its numbers for rows and columns reach further than those of Excel: a rectangle of 4 thousand million cells.
+#[test]
+fn a_far_cell_of_an_older_spreadsheet_is_named() {
+    let read = |sheets: &[Vec<u8>]| read_as(Format::Spreadsheet, &older_book(sheets), &[]);
+    assert_eq!(read(&[older_table()]).unwrap().get(Channel::Voltage).unwrap(), [1.5]);
+    // The last cell that Excel has is no fault.
+    older_excel::check(&older_book(&[[older_table(), number_at(65_535, 255, 1.0)].concat()]), 65_536 * 256).unwrap();
+    let many = record(0x00bd, &[&[0xff, 0xff, 0xfe, 0xff][..], &[0; 12], &[0xff, 0xff]].concat());
+    let claimed = record(0x0200, &[0, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0xff, 0xff, 0, 0]);
+    for far in [number_at(65_535, 65_535, 1.0), many] {
+        let why = read(&[older_table(), [older_table(), far].concat()]).unwrap_err();
+        let what = "spread over 65536 rows and 65536 columns: delete what stands far from the table";
+        assert!(why.contains(&format!("sheet 2: its cells are {what}")), "{why}");
+    }
+    let why = read(&[[claimed, older_table()].concat()]).unwrap_err();
+    assert!(why.contains("sheet 1: its cells are spread over 65536 rows and 65535 columns"), "{why}");
+}
+
+/// Each of many sheets may have as many cells as Excel allows.
+#[test]
+fn the_cells_of_all_sheets_of_an_older_spreadsheet_count() {
+    let wide = [number_at(0, 0, 1.0), number_at(65_535, 255, 1.0)].concat();
+    let why = read_as(Format::Spreadsheet, &older_book(&vec![wide; 100]), &[]).unwrap_err();
+    assert!(why.contains("sheet 3: its cells are spread over 65536 rows and 256 columns"), "{why}");
+}
+
+/// Such a file would be read for ever.
+#[test]
+fn an_older_spreadsheet_whose_sectors_form_a_ring_is_refused() {
+    let mut file = older_book(&vec![older_table(); 100]);
+    // The header says which sector has the next sector of each; the last of a stream says that it ends.
+    let table = 512 * (1 + usize::from(file[76]));
+    let next = |sector: usize| table + 4 * sector..table + 4 * sector + 4;
+    let end = (1..128).rfind(|sector| file[next(*sector)] == [0xfe, 0xff, 0xff, 0xff]).unwrap();
+    let before = file[next(end - 1)].to_vec();
+    file[next(end)].copy_from_slice(&before);
+    let why = read_as(Format::Spreadsheet, &file, &[]).unwrap_err();
+    assert!(why.contains("this .xls is not whole (") && why.contains("save the sheet as CSV"), "{why}");
+}
+
+/// A thousandth of its size may be packed, in whichever part, and whatever the archive says of its sizes.
+#[test]
+fn a_part_that_is_unpacked_without_end_is_named() {
+    let texts = format!("<sst>{}</sst>", "<si><t>a</t></si>".repeat(10_000));
+    let rows = "<row r=\"1\"><c r=\"A1\" t=\"str\"><v>t_s</v></c></row><row r=\"2\"><c r=\"A2\"><v>0</v></c></row>";
+    let strings = ("xl/sharedStrings.xml", &*texts);
+    let book = book_with(rows, &[strings]);
+    assert!(20 * book.len() < texts.len(), "{}", book.len());
+    assert_eq!(spreadsheet::read_within(&book, 2 * texts.len() as u64).unwrap().columns.len(), 1);
+    let why = spreadsheet::read_within(&book, texts.len() as u64).unwrap_err().to_string();
+    assert!(why.contains("xl/sharedStrings.xml: the file has more than 1 GB in it"), "{why}");
 }

@@ -1,18 +1,26 @@
 //! Spreadsheets of Office programs (.xlsx, .xlsm, .xlsb, .xls, .ods): the first sheet with a table of numbers.
 
-use super::{Fault, open_document};
+use super::{Fault, MOST_BYTES, TOO_MUCH, older_excel, open_document};
 use crate::content::Content;
 use crate::table::{self, Dialect};
 use calamine::{Cell, Data, DataRef, ExcelDateTime, Range, Reader as _, Sheets, open_workbook_auto_from_rs};
 use std::fmt::Write as _;
-use std::io::Cursor;
+use std::io::{Cursor, Read, copy, sink};
+use zip::ZipArchive;
 
 /// What stands between the cells of a sheet as text.
 const BETWEEN: u8 = b'\t';
 
 /// Reads a workbook.
 pub fn read(bytes: &[u8]) -> Result<Content, Fault> {
+    read_within(bytes, MOST_BYTES)
+}
+
+/// Reads a workbook that is unpacked to less than `most_bytes`.
+pub(super) fn read_within(bytes: &[u8], most_bytes: u64) -> Result<Content, Fault> {
+    check_archive(bytes, most_bytes)?;
     open_document::check(bytes, MOST_CELLS)?;
+    older_excel::check(bytes, MOST_CELLS)?;
     let mut book = open_workbook_auto_from_rs(Cursor::new(bytes))
         .map_err(|error| Fault::whole(format!("{}. {AS_CSV}", what_is_wrong(bytes, &error))))?;
     let names = book.sheet_names();
@@ -38,6 +46,24 @@ pub fn read(bytes: &[u8]) -> Result<Content, Fault> {
         }
     }
     longest.map(|(_, content)| content).ok_or_else(|| Fault::whole(why))
+}
+
+/// Refuses an archive whose parts are unpacked to more than `most_bytes`. What an archive says of its sizes may be wrong.
+fn check_archive(bytes: &[u8], most_bytes: u64) -> Result<(), Fault> {
+    let Ok(mut archive) = ZipArchive::new(Cursor::new(bytes)) else { return Ok(()) };
+    let mut left_bytes = most_bytes;
+    for index in 0..archive.len() {
+        // Of a damaged part only what comes before the damage can be read, here and later.
+        let Ok(part) = archive.by_index(index) else { continue };
+        let name = part.name().map_or_else(|_| format!("part {}", index + 1), Into::into);
+        let mut part = part.take(left_bytes);
+        let _ = copy(&mut part, &mut sink());
+        left_bytes = part.limit();
+        if left_bytes == 0 {
+            return Err(Fault::at(name, format!("the file has {TOO_MUCH}")));
+        }
+    }
+    Ok(())
 }
 
 /// So many cells are read: those of a million rows of 32 columns.
@@ -84,6 +110,9 @@ fn all_cells<'a>(
         if *cell.get_value() != DataRef::Empty {
             cells.push(Cell::new(cell.get_position(), cell.get_value().clone().into()));
         }
+        if cells.len() as u64 > MOST_CELLS {
+            return Err(format!("more than {MOST_CELLS} cells are in it: save the rows of one recording alone"));
+        }
     }
     Ok(cells)
 }
@@ -95,7 +124,7 @@ const AS_CSV: &str =
 /// Why a workbook cannot be opened. An archive is named with what it lacks.
 fn what_is_wrong(bytes: &[u8], error: &impl std::fmt::Display) -> String {
     let unread = format!("this spreadsheet cannot be read ({error})");
-    let Ok(archive) = zip::ZipArchive::new(Cursor::new(bytes)) else { return unread };
+    let Ok(archive) = ZipArchive::new(Cursor::new(bytes)) else { return unread };
     let parts: Vec<String> = archive.file_names().flatten().map(Into::into).collect();
     let has = |name: &str| parts.iter().any(|part| part == name);
     let is_office = parts.iter().any(|part| part.starts_with("xl/"));

@@ -4,7 +4,7 @@ use super::super::compare::{table, table_html};
 use super::{Loop, difference, shared};
 use host_sim::figures::{Figures, JUMP};
 use maud::{Markup, html};
-use motorbench_report::web_page::{self, lines, number};
+use motorbench_report::web_page::{self, number};
 use motorbench_text::terminal_text::{rounded, short, wrapped};
 
 pub(super) fn page(loops: &[Loop], remaining: &[String]) -> String {
@@ -27,14 +27,42 @@ pub(super) fn page(loops: &[Loop], remaining: &[String]) -> String {
     text
 }
 
-/// The figures for a page. Several loops have a table that is too wide for one.
+/// The figures for a page.
 pub(super) fn figures_html(loops: &[Loop]) -> Markup {
-    let [only] = loops else { return lines(&side_by_side(loops)) };
-    let rows = figures_rows(&only.figures);
+    match loops {
+        [only] => html! { (table_html(&only.compared)) (one_html(&only.figures)) },
+        _ => side_by_side_html(loops),
+    }
+}
+
+/// Figures of one loop.
+fn one_html(figures: &[Vec<Figures>; 2]) -> Markup {
+    let rows = figures_rows(figures);
+    let cells = rows.iter().map(|row| row.each_ref().map(number));
+    html! { @if !rows.is_empty() { (web_page::table(&["at, s", "figure", "simulated", "measured"], cells)) } }
+}
+
+/// The tables of [`side_by_side`].
+fn side_by_side_html(loops: &[Loop]) -> Markup {
+    let channels = told_channels(loops);
+    let fits = loops.iter().map(|one| {
+        let cells = channels.iter().map(|channel| number(fit_cell(one, channel)));
+        [web_page::text(&one.name)].into_iter().chain(cells).collect::<Vec<_>>()
+    });
     html! {
-        (table_html(&only.compared))
-        @if !rows.is_empty() {
-            (web_page::table(&["at, s", "figure", "simulated", "measured"], rows.iter().map(|row| row.each_ref().map(number))))
+        p { (FITS) }
+        (web_page::table(&[&["loop"], &channels[..]].concat(), fits))
+        @if same_course(loops) {
+            @for (index, first) in loops[0].figures[0].iter().enumerate() {
+                h3 { (course_at(first)) }
+                (web_page::table(&[&["loop", ""], &COLUMNS[..]].concat(), rows_of_reference(loops, index).map(
+                    |(name, source, figures)| [web_page::text(name), web_page::text(source)].into_iter().chain(cells(figures).map(number)).collect::<Vec<_>>()
+                )))
+            }
+            p { (ranking(loops)) }
+        } @else {
+            p { (DIFFERENT_COURSES) }
+            @for one in loops { h3 { (one.name) } (one_html(&one.figures)) }
         }
     }
 }
@@ -80,37 +108,61 @@ const TABLE_CHANNELS: usize = 4;
 /// References of two loops are the same if their times differ by less than this.
 const SAME_TIME_S: f64 = 0.02;
 
+const FITS: &str = "Measured against simulated: fit in % (rms of the difference)";
+const DIFFERENT_COURSES: &str = "The loops follow different courses: each by itself.";
+
+/// The channels of that table.
+fn told_channels(loops: &[Loop]) -> Vec<&'static str> {
+    let told = |channel: &&str| *channel != "duty" && !channel.starts_with("ref_");
+    shared(loops).into_iter().filter(told).take(TABLE_CHANNELS).collect()
+}
+
+/// The fit of a channel, and how far measured and simulated are apart.
+fn fit_cell(one: &Loop, channel: &str) -> String {
+    let found = difference(one, channel);
+    let fit = found.fit_percent.map_or("-".into(), |fit| format!("{fit:.1}"));
+    format!("{fit} ({})", rounded(found.rms, 2))
+}
+
+/// A reference and its time.
+fn course_at(figures: &Figures) -> String {
+    format!("{} at {} s", figures.course, short(figures.time_s))
+}
+
+/// Simulated and measured figures of each loop for a reference.
+fn rows_of_reference(loops: &[Loop], index: usize) -> impl Iterator<Item = (&str, &'static str, &Figures)> {
+    loops.iter().flat_map(move |one| {
+        let sources = ["simulated", "measured"].into_iter().zip(&one.figures);
+        sources.filter_map(move |(source, figures)| Some((&*one.name, source, figures.get(index)?)))
+    })
+}
+
 /// Fit of each loop, and figures of each reference, with the loops in rows.
 fn side_by_side(loops: &[Loop]) -> String {
-    let told = |channel: &&str| *channel != "duty" && !channel.starts_with("ref_");
-    let channels: Vec<&str> = shared(loops).into_iter().filter(told).take(TABLE_CHANNELS).collect();
-    let mut text = String::from("Measured against simulated: fit in % (rms of the difference)\n  loop        ");
+    let channels = told_channels(loops);
+    let mut text = format!("{FITS}\n  loop        ");
     channels.iter().for_each(|channel| text += &format!("{channel:>16}"));
     for one in loops {
         text += &format!("\n  {:<12.12}", one.name);
         for channel in &channels {
-            let found = difference(one, channel);
-            let fit = found.fit_percent.map_or("-".into(), |fit| format!("{fit:.1}"));
-            text += &format!("{:>16}", format!("{fit} ({})", rounded(found.rms, 2)));
+            text += &format!("{:>16}", fit_cell(one, channel));
         }
     }
     text.push('\n');
     if !same_course(loops) {
-        text += "\nThe loops follow different courses: each by itself.\n";
+        text += &format!("\n{DIFFERENT_COURSES}\n");
         for one in loops {
             text += &format!("\n{}\n{}", one.name, figures_table(&one.figures));
         }
         return text;
     }
     for (index, first) in loops[0].figures[0].iter().enumerate() {
-        text += &format!("\n  {:<22}", format!("{} at {} s", first.course, short(first.time_s)));
+        text += &format!("\n  {:<22}", course_at(first));
         text.extend(COLUMNS.map(|title| format!("{title:>8}")));
         text.push('\n');
-        for one in loops {
-            for (source, figures) in ["simulated", "measured"].into_iter().zip(&one.figures) {
-                let Some(figures) = figures.get(index) else { continue };
-                text += &format!("  {:<12.12} {source:<9}{}\n", one.name, cells(figures));
-            }
+        for (name, source, figures) in rows_of_reference(loops, index) {
+            let cells = cells(figures).map(|cell| format!("{cell:>8}")).concat();
+            text += &format!("  {name:<12.12} {source:<9}{cells}\n");
         }
     }
     text + "\n" + &wrapped(&ranking(loops), "", "  ")
@@ -119,8 +171,8 @@ fn side_by_side(loops: &[Loop]) -> String {
 /// Titles of [`cells`].
 const COLUMNS: [&str; 7] = ["rise, s", "settled", "over, %", "error", "summed", "rms, V", "peak, A"];
 
-fn cells(figures: &Figures) -> String {
-    let cells = [
+fn cells(figures: &Figures) -> [String; 7] {
+    [
         (figures.rise_s, 3),
         (figures.settling_s, 3),
         (figures.overshoot_percent, 3),
@@ -128,8 +180,8 @@ fn cells(figures: &Figures) -> String {
         (Some(figures.iae), 3),
         (Some(figures.effort_v), 3),
         (Some(figures.peak_a), 3),
-    ];
-    cells.into_iter().map(|(value, digits)| format!("{:>8}", or_dash(value, digits))).collect()
+    ]
+    .map(|(value, digits)| or_dash(value, digits))
 }
 
 /// Whether all loops had the same references in the same order.

@@ -116,11 +116,12 @@ fn a_script_hears_of_a_line_that_was_refused() {
     assert_eq!((refused.status.code(), said), (Some(1), expected));
     for json in [&[][..], &["--json"]] {
         let mut talk = board.command("connect", json).stdin(Stdio::piped()).spawn().unwrap();
-        talk.stdin.take().unwrap().write_all(b"bogus\nshow speed_kp\n").unwrap();
+        talk.stdin.take().unwrap().write_all(b"# a note\nbogus\nshow speed_kp\n").unwrap();
         let done = talk.wait_with_output().unwrap();
         let said = text(&done.stdout);
         assert!(said.contains("error: unknown command") && said.contains("speed_kp 0.05 "), "{said}");
         assert_eq!(done.status.code(), Some(1), "{said}");
+        assert_eq!(said.matches("unknown command").count(), 1, "a line with # is not sent: {said}");
         assert!(
             text(&done.stderr).contains("the board refuses `bogus`: error: unknown command"),
             "{}",
