@@ -52,6 +52,11 @@ impl Dataset {
         other
     }
 
+    /// Whether all rows have one clock: that of one recording.
+    pub fn is_one_recording(&self) -> bool {
+        self.stretches.windows(2).all(|pair| self.time_s[pair[0].rows.end - 1] < self.time_s[pair[1].rows.start])
+    }
+
     /// The same with a PWM of this frequency and with such pulses, which its ripple shows.
     pub fn with_pwm_of(&self, pwm_hz: f64, pulse: Pulse) -> Self {
         let mut other = self.clone();

@@ -130,6 +130,9 @@ fn in_everything(data: &Dataset, prior: &Prior, way: &Way, near: Option<f64>) ->
 /// that model fits best. Returns whether that changes much.
 pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {
     if data.origin.pwm_phase.is_some() {
+        if !data.is_one_recording() {
+            return false;
+        }
         let (other, better) = polished(data, prior, found.clone());
         let gains = evidence_nats(data, found, &better) > VERY_STRONG_NATS;
         if gains {

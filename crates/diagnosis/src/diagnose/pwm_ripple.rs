@@ -7,7 +7,9 @@ use crate::dataset::{Dataset, Output, Pulse, Stretch};
 use crate::identify::Fit;
 use motorbench_model::motor::MotorParameters;
 use nalgebra::Complex;
+use rustfft::FftPlanner;
 use std::f64::consts::{PI, TAU};
+use std::ops::Range;
 
 /// Frequencies of an Uno's timers: 16 MHz over a prescaler, and over 256 or 510 counts (ATmega328P data sheet, 15.7, 16.9
 /// and 18.7).
@@ -20,7 +22,7 @@ const MEANS: f64 = 0.05;
 /// Readings on both sides whose mean is taken off: what the motor does changes more slowly.
 const AROUND: usize = 5;
 /// What else the residual has is judged from this far beside a peak, in widths of it.
-const BESIDE: std::ops::Range<usize> = 3..30;
+const BESIDE: Range<f64> = 3.0..30.0;
 /// Frequencies lie closer than a ripple is wide by this factor, and so do the parts of the recording that are summed first.
 const FINER: f64 = 8.0;
 
@@ -72,30 +74,30 @@ fn near(data: &Dataset) -> Vec<f64> {
     std::iter::once(origin.pwm_hz).chain(meant).collect()
 }
 
-/// A part of the recording, demodulated.
-struct Part {
-    time_s: f64,
-    sum: Complex<f64>,
-}
-
 /// What the residual has in common with pulses of a frequency and of those around it.
 struct Spectrum {
     hz: f64,
     pulse: Pulse,
-    parts: Vec<Part>,
+    /// The recording in parts of [`part_s`], demodulated.
+    parts: Vec<Complex<f64>>,
+    begin_s: f64,
+    length_s: f64,
     /// Squares of the readings, and of the pulses as the readings see them.
     squares: f64,
     of_pulses: f64,
     readings: f64,
-    length_s: f64,
 }
 
 impl Spectrum {
+    /// `None` for several recordings: each of them begins anywhere in a period.
     fn new(data: &Dataset, residual: &[f64], hz: f64, pulse: Pulse) -> Option<Self> {
-        let part_s = 1.0 / (FINER * CLOCK_TOLERANCE * hz);
-        let (first, last) = (data.stretches.first()?.rows.start, data.stretches.last()?.rows.end - 1);
-        let length_s = data.time_s[last] - data.time_s[first];
-        let mut spectrum = Self { hz, pulse, parts: Vec::new(), squares: 0.0, of_pulses: 0.0, readings: 0.0, length_s };
+        if !data.is_one_recording() {
+            return None;
+        }
+        let (begin_s, end_s) = (*data.time_s.first()?, *data.time_s.last()?);
+        let length_s = end_s - begin_s;
+        let parts = vec![Complex::default(); (length_s / part_s(hz)) as usize + 1];
+        let mut spectrum = Self { hz, pulse, parts, begin_s, length_s, squares: 0.0, of_pulses: 0.0, readings: 0.0 };
         for Stretch { rows, .. } in &data.stretches {
             let fundamental = |row: usize| {
                 let duty = data.duty[row.max(rows.start + 1) - 1];
@@ -108,12 +110,8 @@ impl Spectrum {
             let readings = quick(rows.clone().map(|row| Complex::from(residual[row])).collect());
             for ((row, pulse), reading) in rows.clone().zip(pulses).zip(readings) {
                 let (Some(pulse), Some(reading)) = (pulse, reading) else { continue };
-                let time_s = data.time_s[row];
-                if spectrum.parts.last().is_none_or(|part| time_s > part.time_s + 0.5 * part_s) {
-                    spectrum.parts.push(Part { time_s: time_s + 0.5 * part_s, sum: Complex::default() });
-                }
-                let part = spectrum.parts.last_mut()?;
-                part.sum += pulse.conj() * reading;
+                let part = ((data.time_s[row] - begin_s) / part_s(hz)) as usize;
+                spectrum.parts[part] += pulse.conj() * reading;
                 spectrum.squares += reading.norm_sqr();
                 spectrum.of_pulses += pulse.norm_sqr();
                 spectrum.readings += 1.0;
@@ -124,16 +122,13 @@ impl Spectrum {
 
     /// The strongest ripple, and the number of frequencies that were tried.
     fn peak(&self) -> Option<(Ripple, usize)> {
-        let step_hz = 1.0 / (FINER * self.length_s);
-        let steps = (CLOCK_TOLERANCE * self.hz / step_hz).ceil() as i32;
-        let in_common = |step: i32| self.in_common(f64::from(step) * step_hz).norm_sqr();
-        let looked: Vec<f64> = (-steps..=steps).map(in_common).collect();
-        let best = (0..looked.len()).max_by(|a, b| looked[*a].total_cmp(&looked[*b]))?;
-        let beside = |index: usize| looked.get(index).map_or(looked[best], |norm| *norm);
+        let (powers, step_hz) = self.powers();
+        let best = (0..powers.len()).max_by(|a, b| powers[*a].total_cmp(&powers[*b]))?;
+        let beside = |index: usize| powers.get(index).map_or(powers[best], |power| *power);
         let (left, right) = (beside(best.wrapping_sub(1)), beside(best + 1));
-        let bend = left - 2.0 * looked[best] + right;
+        let bend = left - 2.0 * powers[best] + right;
         let between = if bend < 0.0 { (0.5 * (left - right) / bend).clamp(-0.5, 0.5) } else { 0.0 };
-        let off_hz = (best as f64 - f64::from(steps) + between) * step_hz;
+        let off_hz = (best as f64 - (powers.len() / 2) as f64 + between) * step_hz;
         let sum = self.in_common(off_hz);
         // Of a ripple with two constants, cosine and sine.
         let explained =
@@ -141,21 +136,40 @@ impl Spectrum {
         let in_white = -0.5 * self.readings * (-explained.min(1.0 - f64::EPSILON)).ln_1p();
         // What the model lacks is not white: its level beside the peak counts (as in a radar's detector of constant false
         // alarm rate). A power of noise alone is distributed exponentially around its mean.
-        let in_coloured = sum.norm_sqr() / mean_beside(&looked, best).max(f64::MIN_POSITIVE);
+        let width = 1.0 / self.length_s / step_hz;
+        let in_coloured = sum.norm_sqr() / mean_beside(&powers, best, width).max(f64::MIN_POSITIVE);
         let nats = in_white.min(in_coloured);
-        Some((Ripple { hz: self.hz + off_hz, pulse: self.pulse, nats, angle_rad: sum.arg() }, looked.len()))
+        Some((Ripple { hz: self.hz + off_hz, pulse: self.pulse, nats, angle_rad: sum.arg() }, powers.len()))
+    }
+
+    /// The power at frequencies around the middle one, to the tolerance of a clock, and their distance.
+    fn powers(&self) -> (Vec<f64>, f64) {
+        let length = (FINER as usize * self.parts.len()).next_power_of_two();
+        let mut sums = self.parts.clone();
+        sums.resize(length, Complex::default());
+        FftPlanner::new().plan_fft_forward(length).process(&mut sums);
+        let side = length / FINER as usize;
+        // Lower frequencies are at the end.
+        let around = (length - side..length).chain(0..=side);
+        (around.map(|index| sums[index].norm_sqr()).collect(), 1.0 / (length as f64 * part_s(self.hz)))
     }
 
     fn in_common(&self, off_hz: f64) -> Complex<f64> {
-        self.parts.iter().map(|Part { time_s, sum }| sum * Complex::cis(-TAU * off_hz * time_s)).sum()
+        let middle_s = |part: usize| self.begin_s + (part as f64 + 0.5) * part_s(self.hz);
+        let turned = |(part, sum): (usize, &Complex<f64>)| sum * Complex::cis(-TAU * off_hz * middle_s(part));
+        self.parts.iter().enumerate().map(turned).sum()
     }
 }
 
+/// Time in which the frequencies around this one fall apart by a small part of a period.
+fn part_s(hz: f64) -> f64 {
+    1.0 / (FINER * CLOCK_TOLERANCE * hz)
+}
+
 /// Mean of a spectrum beside its peak.
-fn mean_beside(looked: &[f64], peak: usize) -> f64 {
-    let steps = |widths: usize| (FINER * widths as f64) as usize;
-    let is_beside = |index: &usize| (steps(BESIDE.start)..steps(BESIDE.end)).contains(&index.abs_diff(peak));
-    let beside = || (0..looked.len()).filter(is_beside).map(|index| looked[index]);
+fn mean_beside(powers: &[f64], peak: usize, width: f64) -> f64 {
+    let is_beside = |index: &usize| BESIDE.contains(&(index.abs_diff(peak) as f64 / width));
+    let beside = || (0..powers.len()).filter(is_beside).map(|index| powers[index]);
     beside().sum::<f64>() / beside().count().max(1) as f64
 }
 
