@@ -120,7 +120,9 @@ fn what_runs_in_a_browser_opens_no_file_starts_no_thread_and_prints_nothing() {
         assert!(!found.is_empty(), "{folder}: no sources");
         for (path, code) in found {
             for (line, number) in code.lines().zip(1..).filter(|(line, _)| !line.trim_start().starts_with("//")) {
-                let used = LEFT_TO_OTHERS.iter().find(|what| line.contains(**what));
+                let begins_a_word = |at: usize| !line[..at].ends_with(char::is_alphanumeric);
+                let is_used = |what: &&&str| line.match_indices(**what).any(|(at, _)| begins_a_word(at));
+                let used = LEFT_TO_OTHERS.iter().find(is_used);
                 assert_eq!(used, None, "{path}, line {number}: {line}");
             }
         }

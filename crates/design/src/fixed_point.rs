@@ -226,7 +226,7 @@ pub fn rig_settings(
     }
     let speed_range = speed_range(no_load_rad_per_s);
     let mut list = SettingList::default();
-    let drive_a = (ACCELERATION_PART * current_limit_a).min(ACCELERATION_PART * bench.supply_v / motor.resistance_ohm);
+    let drive_a = ACCELERATION_PART * current_limit_a.min(bench.supply_v / motor.resistance_ohm);
     list.set(Param::TickRate, bench.tick_rate_hz)?;
     if let Some(counts_per_rev) = bench.counts_per_rev {
         list.set(Param::CountsPerRev, counts_per_rev)?;
@@ -244,7 +244,7 @@ pub fn rig_settings(
         (Param::TripContinuous, TRIP_CONTINUOUS * current_limit_a),
         (Param::SlewLimit, bench.supply_v * bench.tick_rate_hz / SLEW_TICKS),
         (Param::Acceleration, drive_a * motor.torque_constant_nm_per_a / motor.inertia_kg_m2),
-        (Param::CruiseSpeed, bench.counts_per_rev.map_or(UNUSED_CRUISE_RAD_PER_S, |_| 0.5 * no_load_rad_per_s)),
+        (Param::CruiseSpeed, bench.counts_per_rev.map_or(UNUSED_CRUISE_RAD_PER_S, |_| cruise_speed(no_load_rad_per_s))),
     ] {
         list.set(param, value)?;
     }
@@ -276,6 +276,16 @@ fn set_speed_sensor(
 /// Full scale of the speed for a motor with this greatest speed.
 pub fn speed_range(no_load_rad_per_s: f64) -> f64 {
     power_of_two(SPEED_HEADROOM * no_load_rad_per_s).clamp(8.0, 4096.0)
+}
+
+/// Speed of a move for a motor with this greatest speed, in rad/s: half of its voltage is left to correct errors.
+pub fn cruise_speed(no_load_rad_per_s: f64) -> f64 {
+    0.5 * no_load_rad_per_s
+}
+
+/// Acceleration of a move for a motor with this greatest one, in rad/s2: the rest is left to correct errors.
+pub fn move_acceleration(greatest_rad_per_s2: f64) -> f64 {
+    ACCELERATION_PART * greatest_rad_per_s2
 }
 
 /// Width of the friction compensation's transition for a full scale of the speed.

@@ -9,7 +9,7 @@ use motorbench_core::message::Sample;
 use motorbench_core::settings::{Param, Settings, find};
 use motorbench_data::names::setting_name;
 use motorbench_data::telemetry::speed_bit_rad_per_s;
-use motorbench_design::fixed_point::{friction_width, rounded, speed_range};
+use motorbench_design::fixed_point::{cruise_speed, friction_width, move_acceleration, rounded, speed_range};
 use motorbench_design::relay::{Relay, tyreus_luyben};
 use motorbench_design::step_tuning::{simc, simc_position};
 use motorbench_link::Link;
@@ -167,7 +167,10 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
 /// Experiment, gains, acceptance test.
 fn tuned(board: &mut Attended, settings: &Settings, arguments: &Arguments, outputs: &Outputs) -> Result<(), Failure> {
     let (found, rule) = experiment(board, settings, arguments)?;
-    let ranges = set_ranges(board, settings, found.greatest_rad_per_s)?;
+    let mut ranges = set_ranges(board, settings, found.greatest_rad_per_s)?;
+    if arguments.position {
+        ranges.extend(set_moves(board, settings, &found)?);
+    }
     let now = with(settings, &ranges)?;
     let Sent { gains, closed_loop_s, result } = rule.sent(board);
     let put_back = |board: &mut Attended| {
@@ -252,6 +255,22 @@ fn set_ranges(
     }
 }
 
+/// Sets the speed and the acceleration of moves where the motor does not reach the present ones: it would stay behind,
+/// and overshoot. Returns what was set.
+fn set_moves(board: &mut impl Board, settings: &Settings, found: &Found) -> Result<Vec<(String, f64)>, BoardError> {
+    let speed = (Param::CruiseSpeed, Some(found.greatest_rad_per_s), cruise_speed as fn(f64) -> f64);
+    let acceleration = (Param::Acceleration, found.greatest_rad_per_s2, move_acceleration as fn(f64) -> f64);
+    let set: Vec<(String, f64)> = [speed, acceleration]
+        .into_iter()
+        .filter_map(|(param, greatest, of)| {
+            let greatest = greatest.filter(|greatest| *greatest < f64::from(settings.get(param)))?;
+            Some((setting_name(param), rounded(of(greatest))))
+        })
+        .collect();
+    send(board, &set)?;
+    Ok(set)
+}
+
 /// Settings with some that the board has accepted.
 fn with(settings: &Settings, changed: &[(String, f64)]) -> Result<Settings, Failure> {
     let mut settings = *settings;
@@ -326,6 +345,8 @@ struct Found {
     json: Value,
     /// The motor's greatest speed, as the experiment shows it.
     greatest_rad_per_s: f64,
+    /// Its greatest acceleration from rest, if the experiment shows it.
+    greatest_rad_per_s2: Option<f64>,
     /// Speed of the acceptance test.
     reference_rad_per_s: f64,
 }
@@ -394,10 +415,12 @@ fn by_step(board: &mut Attended, settings: &Settings, arguments: &Arguments) -> 
     );
     let more_v = f64::from(settings.get(Param::VoltageLimit)) - arguments.to.abs();
     let reached = model.end_rad_per_s.abs();
+    let greatest_rad_per_s = reached + model.gain_rad_per_s_per_v * more_v.max(0.0);
     let found = Found {
         text,
         json: json!({ "kind": "step", "model": model }),
-        greatest_rad_per_s: reached + model.gain_rad_per_s_per_v * more_v.max(0.0),
+        greatest_rad_per_s,
+        greatest_rad_per_s2: Some(greatest_rad_per_s / model.time_constant_s),
         reference_rad_per_s: arguments.reference_below(reached),
     };
     let is_position = arguments.position;
@@ -433,7 +456,7 @@ fn by_relay(
     let greatest_rad_per_s = reference_rad_per_s * share.max(1.0);
     let gains = tyreus_luyben(&found.cycle);
     let rule = Rule { gains: Box::new(move |_| gains.clone()), closed_loop_s: None, slowest_s: 0.0 };
-    Ok((Found { text, json, greatest_rad_per_s, reference_rad_per_s }, rule))
+    Ok((Found { text, json, greatest_rad_per_s, greatest_rad_per_s2: None, reference_rad_per_s }, rule))
 }
 
 impl Arguments {

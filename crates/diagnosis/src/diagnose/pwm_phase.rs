@@ -1,6 +1,6 @@
-//! Estimates where in its period the PWM is at time 0, where the rig file gives its frequency. Rows and PWM come from one
-//! clock, so one phase holds for the whole recording. Between rows the phase advances. It shows where each current is
-//! sampled at one instant. Where the PWM is slow beside the rows, it also shows in when a command begins to act.
+//! Estimates where in its period the PWM is at time 0. Rows and PWM come from one clock, so one phase holds for the whole
+//! recording. It shows where each current is sampled at one instant: the ripple gives frequency and phase. Where the PWM is
+//! slow, the phase also shows in when a command begins to act.
 
 use super::judge::{VERY_STRONG_NATS, evidence_nats};
 use super::pwm_frequency::with_usual_bridges;
@@ -34,7 +34,8 @@ const EXCERPT_S: f64 = 3.0;
 /// that wait for a slow PWM may show the phase. The nominal motor is taken, behind a bridge that has a drop or none, and
 /// that brakes or coasts in the off phase.
 pub(super) fn settle_at_first(data: &mut Dataset, prior: &Prior) {
-    if data.origin.timing.current_sampled_at.is_some() {
+    let is_known = data.origin.timing.current_sampled_at.or(data.origin.pwm_phase).is_some();
+    if is_known {
         return;
     }
     let mut models = vec![Model::linear(prior.motor)];
