@@ -106,15 +106,12 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let found = format!("\n{}\n{}{}\n", page::verdict(&diagnosis.outcome), errors(&diagnosis.outcome), revealed.text());
     outputs.say(&found);
     let loops = working("three loops are designed and tried", |_| Loops::compared(&truth, &nominal, &diagnosis))?;
-    // What was written takes two lines more.
-    let taken = drawn.lines().chain(found.lines()).count() + if arguments.csv.is_some() { 2 } else { 0 };
+    // With a table, what was written and what comes next take two lines.
+    let taken = drawn.lines().chain(found.lines()).count() + usize::from(arguments.csv.is_some());
     outputs.say(&loops.picture(SCREENFUL.saturating_sub(taken as u16)));
     let whole = Whole { seed, recorded, hidden, diagnosis, loops, revealed };
     match &arguments.report {
-        Some(path) => {
-            super::write(path, &whole.html())?;
-            outputs.say(&page_is_at(path));
-        }
+        Some(path) => super::write(path, &whole.html())?,
         None if arguments.json.is_some() => {}
         None => outputs.say(&unasked(&PathBuf::from(format!("motorbench-demo-{seed}.html")), &whole.html())),
     }

@@ -122,13 +122,18 @@ impl Outputs {
     }
 }
 
-/// Says which files were written, and what comes next.
+/// Says which files were written, and what comes next: in one line, or in one each.
 pub(super) fn say_written(files: &[String], next: &str) {
-    let then = if next.is_empty() { String::new() } else { format!("; next: {next}") };
-    if !files.is_empty() {
-        tell(&format!("wrote {}{then}", files.join(", ")));
+    if files.is_empty() {
+        return;
     }
+    let wrote = format!("wrote {}", files.join(", "));
+    let between = if wrote.len() + next.len() < LINE { "; " } else { ";\n" };
+    tell(&if next.is_empty() { wrote } else { format!("{wrote}{between}next: {next}") });
 }
+
+/// Room for both in a usual line, without what is between them.
+const LINE: usize = 80 - "; next: ".len();
 
 /// A table, and the files beside it with its name and these endings.
 pub(super) fn with_beside(table: &Path, endings: &[&str]) -> Vec<PathBuf> {

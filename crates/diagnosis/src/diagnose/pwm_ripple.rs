@@ -19,8 +19,8 @@ pub(super) const TIMER_HZ: [f64; 6] = [490.196, 976.5625, 1960.784, 3921.569, 78
 const CLOCK_TOLERANCE: f64 = 0.006;
 /// A stated frequency may mean that of a timer this near: "1 kHz" for 976.6 Hz.
 const MEANS: f64 = 0.05;
-/// Readings on both sides whose mean is taken off: what the motor does changes more slowly.
-const AROUND: usize = 5;
+/// Half of the time whose mean is taken off: what the model lacks mostly changes more slowly.
+const AROUND_S: f64 = 0.25;
 /// What else the residual has is judged from this far beside a peak, in widths of it.
 const BESIDE: Range<f64> = 3.0..30.0;
 /// Frequencies lie closer than a ripple is wide by this factor, and so do the parts of the recording that are summed first.
@@ -53,10 +53,14 @@ pub(super) fn ripples(data: &Dataset, found: &Fit) -> Vec<Ripple> {
         return Vec::new();
     };
     let residual = found.residual_of(data, current);
-    let near = near(data).into_iter().flat_map(|hz| [Pulse::AtBegin, Pulse::InMiddle].map(|pulse| (hz, pulse)));
-    let looked: Vec<(Ripple, usize)> =
-        near.filter_map(|(hz, pulse)| Spectrum::new(data, &residual, hz, pulse)?.peak()).collect();
-    let tried: usize = looked.iter().map(|(_, tried)| tried).sum();
+    let of_pulse = |hz: f64, pulse: Pulse| Spectrum::new(data, &residual, hz, pulse)?.peak();
+    // The pulses that the ripple follows better are those.
+    let of_better_pulse = |hz: f64| {
+        let of_both = [Pulse::AtBegin, Pulse::InMiddle].into_iter().filter_map(|pulse| of_pulse(hz, pulse));
+        of_both.max_by(|a, b| a.0.nats.total_cmp(&b.0.nats))
+    };
+    let looked: Vec<(Ripple, usize)> = near(data).into_iter().filter_map(of_better_pulse).collect();
+    let tried: usize = looked.iter().map(|(_, tried)| 2 * tried).sum();
     let priced = looked.into_iter().map(|(ripple, _)| Ripple { nats: ripple.nats - (tried as f64).ln(), ..ripple });
     let mut ripples: Vec<Ripple> = priced.filter(|ripple| ripple.nats > VERY_STRONG_NATS).collect();
     ripples.sort_by(|a, b| b.nats.total_cmp(&a.nats));
@@ -96,6 +100,7 @@ impl Spectrum {
         }
         let (begin_s, end_s) = (*data.time_s.first()?, *data.time_s.last()?);
         let length_s = end_s - begin_s;
+        let side = ((AROUND_S / data.interval_s) as usize).max(1);
         let parts = vec![Complex::default(); (length_s / part_s(hz)) as usize + 1];
         let mut spectrum = Self { hz, pulse, parts, begin_s, length_s, squares: 0.0, of_pulses: 0.0, readings: 0.0 };
         for Stretch { rows, .. } in &data.stretches {
@@ -106,8 +111,8 @@ impl Spectrum {
                 // No pulse, no ripple.
                 Complex::from_polar(duty.signum() * (PI * duty.abs()).sin(), middle_rad)
             };
-            let pulses = quick(rows.clone().map(fundamental).collect());
-            let readings = quick(rows.clone().map(|row| Complex::from(residual[row])).collect());
+            let pulses = quick(rows.clone().map(fundamental).collect(), side);
+            let readings = quick(rows.clone().map(|row| Complex::from(residual[row])).collect(), side);
             for ((row, pulse), reading) in rows.clone().zip(pulses).zip(readings) {
                 let (Some(pulse), Some(reading)) = (pulse, reading) else { continue };
                 let part = ((data.time_s[row] - begin_s) / part_s(hz)) as usize;
@@ -174,7 +179,7 @@ fn mean_beside(powers: &[f64], peak: usize, width: f64) -> f64 {
 }
 
 /// Values less the mean around each; `None` where one of them is missing.
-fn quick(values: Vec<Complex<f64>>) -> Vec<Option<Complex<f64>>> {
+fn quick(values: Vec<Complex<f64>>, side: usize) -> Vec<Option<Complex<f64>>> {
     let mut sums: Vec<(Complex<f64>, usize)> = vec![(Complex::default(), 0)];
     for value in &values {
         let (sum, missing) = sums[sums.len() - 1];
@@ -182,7 +187,7 @@ fn quick(values: Vec<Complex<f64>>) -> Vec<Option<Complex<f64>>> {
         sums.push(if is_missing { (sum, missing + 1) } else { (sum + value, missing) });
     }
     let at = |index: usize| {
-        let around = index.checked_sub(AROUND)?..(index + AROUND + 1);
+        let around = index.checked_sub(side)?..(index + side + 1);
         let (before, after) = (sums[around.start], sums.get(around.end)?);
         (before.1 == after.1).then(|| values[index] - (after.0 - before.0) / around.len() as f64)
     };

@@ -20,7 +20,7 @@ fn gains_without_a_model_pass_their_test_or_are_refused() {
         "{found}"
     );
     let gains = std::fs::read_to_string(board.folder.join("gains.txt")).unwrap();
-    assert!(gains.starts_with("set speed_kp 0."), "{gains}");
+    assert!(gains.starts_with("# Written by motorbench") && gains.contains("\nset speed_kp 0."), "{gains}");
     let stuck = board.run("autotune", &["--from", "1", "--to", "8", "--hold", "0.3"]);
     assert_eq!(stuck.status.code(), Some(1));
     assert!(text(&stuck.stderr).contains("friction"), "{}", text(&stuck.stderr));
@@ -68,6 +68,10 @@ fn a_gear_motor_gets_gains_for_speed_and_position() {
     let position = tuned(&["--position"]);
     let loop_ms = position["closed_loop_ms"].as_f64().unwrap();
     assert!(position["accepted"] == true && loop_ms > 30.0 && loop_ms < 130.0, "{position}");
+    // Its moves are those that the motor can follow: with a new board's 100 rad/s it would overshoot by 23 %.
+    let cruise_rad_per_s = position["ranges"]["cruise_speed"].as_f64().unwrap();
+    assert!((4.0..10.0).contains(&cruise_rad_per_s), "{position}");
+    assert!(position["test"]["overshoot_percent"].as_f64().unwrap() < 20.0, "{position}");
 }
 
 /// The same without a terminal, for programs: the step tests with their gains, and whether the board keeps the last.
