@@ -103,10 +103,12 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         .map_err(Failure::input)?;
     let hidden = on_clock_of(&recorded.samples, &truth, &settings);
     let revealed = Revealed::of(&hidden, &diagnosis.model);
-    let found = format!("\n{}\n{}{}\n", page::verdict(&diagnosis.outcome), errors(&diagnosis.outcome), revealed.text());
+    // With a table, what was written and what comes next take two lines. One is that of the page, the other this empty one.
+    let gap = if arguments.csv.is_some() { "" } else { "\n" };
+    let [verdict, errors] = [page::verdict(&diagnosis.outcome), errors(&diagnosis.outcome)];
+    let found = format!("\n{verdict}\n{errors}{}{gap}", revealed.text());
     outputs.say(&found);
     let loops = working("three loops are designed and tried", |_| Loops::compared(&truth, &nominal, &diagnosis))?;
-    // With a table, what was written and what comes next take two lines.
     let taken = drawn.lines().chain(found.lines()).count() + usize::from(arguments.csv.is_some());
     outputs.say(&loops.picture(SCREENFUL.saturating_sub(taken as u16)));
     let whole = Whole { seed, recorded, hidden, diagnosis, loops, revealed };
