@@ -53,7 +53,8 @@ pub(super) fn ripples(data: &Dataset, found: &Fit) -> Vec<Ripple> {
         return Vec::new();
     };
     let residual = found.residual_of(data, current);
-    let of_pulse = |hz: f64, pulse: Pulse| Spectrum::new(data, &residual, hz, pulse)?.peak();
+    let readings = quick(data, |_, row| Complex::from(residual[row]));
+    let of_pulse = |hz: f64, pulse: Pulse| Spectrum::new(data, &readings, hz, pulse)?.peak();
     // The pulses that the ripple follows better are those.
     let of_better_pulse = |hz: f64| {
         let of_both = [Pulse::AtBegin, Pulse::InMiddle].into_iter().filter_map(|pulse| of_pulse(hz, pulse));
@@ -94,33 +95,28 @@ struct Spectrum {
 
 impl Spectrum {
     /// `None` for several recordings: each of them begins anywhere in a period.
-    fn new(data: &Dataset, residual: &[f64], hz: f64, pulse: Pulse) -> Option<Self> {
+    fn new(data: &Dataset, readings: &[Quick], hz: f64, pulse: Pulse) -> Option<Self> {
         if !data.is_one_recording() {
             return None;
         }
         let (begin_s, end_s) = (*data.time_s.first()?, *data.time_s.last()?);
         let length_s = end_s - begin_s;
-        let side = ((AROUND_S / data.interval_s) as usize).max(1);
         let parts = vec![Complex::default(); (length_s / part_s(hz)) as usize + 1];
         let mut spectrum = Self { hz, pulse, parts, begin_s, length_s, squares: 0.0, of_pulses: 0.0, readings: 0.0 };
-        for Stretch { rows, .. } in &data.stretches {
-            let fundamental = |row: usize| {
-                let duty = data.duty[row.max(rows.start + 1) - 1];
-                let middle = pulse.begins_at(duty) + 0.5 * duty.abs();
-                let middle_rad = TAU * (hz * data.time_s[row] - middle);
-                // No pulse, no ripple.
-                Complex::from_polar(duty.signum() * (PI * duty.abs()).sin(), middle_rad)
-            };
-            let pulses = quick(rows.clone().map(fundamental).collect(), side);
-            let readings = quick(rows.clone().map(|row| Complex::from(residual[row])).collect(), side);
-            for ((row, pulse), reading) in rows.clone().zip(pulses).zip(readings) {
-                let (Some(pulse), Some(reading)) = (pulse, reading) else { continue };
-                let part = ((data.time_s[row] - begin_s) / part_s(hz)) as usize;
-                spectrum.parts[part] += pulse.conj() * reading;
-                spectrum.squares += reading.norm_sqr();
-                spectrum.of_pulses += pulse.norm_sqr();
-                spectrum.readings += 1.0;
-            }
+        let fundamental = |rows: &Range<usize>, row: usize| {
+            let duty = data.duty[row.max(rows.start + 1) - 1];
+            let middle = pulse.begins_at(duty) + 0.5 * duty.abs();
+            let middle_rad = TAU * (hz * data.time_s[row] - middle);
+            // No pulse, no ripple.
+            Complex::from_polar(duty.signum() * (PI * duty.abs()).sin(), middle_rad)
+        };
+        for (row, (pulse, reading)) in quick(data, fundamental).into_iter().zip(readings).enumerate() {
+            let (Some(pulse), Some(reading)) = (pulse, reading) else { continue };
+            let part = ((data.time_s[row] - begin_s) / part_s(hz)) as usize;
+            spectrum.parts[part] += pulse.conj() * reading;
+            spectrum.squares += reading.norm_sqr();
+            spectrum.of_pulses += pulse.norm_sqr();
+            spectrum.readings += 1.0;
         }
         Some(spectrum)
     }
@@ -178,10 +174,24 @@ fn mean_beside(powers: &[f64], peak: usize, width: f64) -> f64 {
     beside().sum::<f64>() / beside().count().max(1) as f64
 }
 
-/// Values less the mean around each; `None` where one of them is missing.
-fn quick(values: Vec<Complex<f64>>, side: usize) -> Vec<Option<Complex<f64>>> {
+/// A value less the mean around it, unless one of them is missing.
+type Quick = Option<Complex<f64>>;
+
+/// The same of all rows, from the value of each row of a stretch.
+fn quick(data: &Dataset, value: impl Fn(&Range<usize>, usize) -> Complex<f64>) -> Vec<Quick> {
+    let side = ((AROUND_S / data.interval_s) as usize).max(1);
+    let mut quick = vec![None; data.len()];
+    for Stretch { rows, .. } in &data.stretches {
+        let values: Vec<Complex<f64>> = rows.clone().map(|row| value(rows, row)).collect();
+        quick[rows.clone()].copy_from_slice(&less_the_mean(&values, side));
+    }
+    quick
+}
+
+/// Values less the mean of so many on either side.
+fn less_the_mean(values: &[Complex<f64>], side: usize) -> Vec<Quick> {
     let mut sums: Vec<(Complex<f64>, usize)> = vec![(Complex::default(), 0)];
-    for value in &values {
+    for value in values {
         let (sum, missing) = sums[sums.len() - 1];
         let is_missing = !(value.re.is_finite() && value.im.is_finite());
         sums.push(if is_missing { (sum, missing + 1) } else { (sum + value, missing) });

@@ -240,8 +240,8 @@ impl<'a> Knife<'a> {
         }
     }
 
-    /// The same with every edge of the PWM. A command waits for the next period where the
-    /// compare registers of the timer are double buffered (ATmega328P data sheet, 15.7 and 16.9).
+    /// The same with every edge of the PWM. A command waits for the next period where the compare registers of the timer
+    /// are double buffered (ATmega328P data sheet, 15.7 and 16.9).
     fn switched_row(&self, index: usize, pieces: &mut Vec<Piece>) {
         let data = self.data;
         let (mut from_s, to_s) = (data.time_s[index], data.time_s[index + 1]);

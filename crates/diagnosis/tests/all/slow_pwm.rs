@@ -25,6 +25,9 @@ const STEP_S: f64 = 1e-5;
 /// One step of a converter of 10 bits behind a sensor of 185 mV/A.
 const STEP_A: f64 = 0.0264;
 
+/// What a rig file says of a bridge whose off phase coasts.
+const COASTS: &str = "[bridge]\npwm_Hz = 490\ndecay = \"coast\"\n";
+
 /// What the bridge does between the pulses.
 #[derive(Clone, Copy, PartialEq)]
 enum Between {
@@ -177,7 +180,7 @@ fn a_current_of_any_moment_at_490_hz() {
 
 #[test]
 fn a_current_of_any_moment_where_the_off_phase_coasts() {
-    assert_told(Timer::Software, Between::Coasts, "[bridge]\npwm_Hz = 490\ndecay = \"coast\"\n");
+    assert_told(Timer::Software, Between::Coasts, COASTS);
 }
 
 #[test]
@@ -187,5 +190,5 @@ fn pulses_in_the_middle_of_their_period() {
 
 #[test]
 fn pulses_in_the_middle_of_their_period_where_the_off_phase_coasts() {
-    assert_told(Timer::PhaseCorrect, Between::Coasts, "[bridge]\npwm_Hz = 490\ndecay = \"coast\"\n");
+    assert_told(Timer::PhaseCorrect, Between::Coasts, COASTS);
 }
