@@ -8,6 +8,7 @@ mod mat;
 mod mat73;
 mod mat_objects;
 mod numpy;
+mod office_open;
 mod older_excel;
 mod open_document;
 mod plotjuggler;

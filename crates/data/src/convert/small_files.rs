@@ -122,6 +122,21 @@ fn a_cell_far_from_the_table_is_named() {
     assert!(why.contains("delete what stands far from the table"), "{why}");
 }
 
+/// The reader's numbers would wrap: the cell of row 4294967298 would be read as that of row 2.
+#[test]
+fn a_cell_outside_of_any_sheet_is_named() {
+    let head = "<row r=\"1\"><c r=\"A1\" t=\"str\"><v>t_s</v></c><c r=\"B1\" t=\"str\"><v>u_V</v></c></row>";
+    for place in ["A4294967298", "AAAAAAAAAA2", "A0", "A1048577"] {
+        let why =
+            read_as(Format::Spreadsheet, &book_of(&format!("{head}<row><c r=\"{place}\"><v>0</v></c></row>")), &[])
+                .unwrap_err();
+        let what = format!("a cell is said to be at {place}, and a sheet ends at XFD1048576: the file is damaged");
+        assert!(why.contains(&what) && why.contains("save the sheet as CSV"), "{why}");
+    }
+    let row = format!("{head}<row r=\"99999999999\"/>");
+    assert!(read_as(Format::Spreadsheet, &book_of(&row), &[]).unwrap_err().contains("at 99999999999, and a sheet"));
+}
+
 /// Such a file would be read for ever.
 #[test]
 fn a_sheet_that_ends_within_its_table_is_refused() {

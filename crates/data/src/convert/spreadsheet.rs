@@ -1,6 +1,6 @@
 //! Spreadsheets of Office programs (.xlsx, .xlsm, .xlsb, .xls, .ods): the first sheet with a table of numbers.
 
-use super::{Fault, MOST_BYTES, TOO_MUCH, older_excel, open_document};
+use super::{Fault, MOST_BYTES, TOO_MUCH, office_open, older_excel, open_document};
 use crate::content::Content;
 use crate::table::{self, Dialect};
 use calamine::{Cell, Data, DataRef, ExcelDateTime, Range, Reader as _, Sheets, open_workbook_auto_from_rs};
@@ -19,6 +19,7 @@ pub fn read(bytes: &[u8]) -> Result<Content, Fault> {
 /// Reads a workbook that is unpacked to less than `most_bytes`.
 pub(super) fn read_within(bytes: &[u8], most_bytes: u64) -> Result<Content, Fault> {
     check_archive(bytes, most_bytes)?;
+    office_open::check(bytes)?;
     open_document::check(bytes, MOST_CELLS)?;
     older_excel::check(bytes, MOST_CELLS)?;
     let mut book = open_workbook_auto_from_rs(Cursor::new(bytes))
@@ -85,6 +86,14 @@ fn sheet(book: &mut Book<'_>, name: &str) -> Result<Range<Data>, String> {
         // The other formats are read when the book is opened.
         Sheets::Xls(_) | Sheets::Ods(_) => return book.worksheet_range(name).map_err(unreadable),
     };
+    let is_outside = |cell: &&Cell<Data>| {
+        let (row, column) = cell.get_position();
+        row >= office_open::MOST_ROWS || column >= office_open::MOST_COLUMNS
+    };
+    if let Some(cell) = cells.iter().find(is_outside) {
+        let (row, column) = cell.get_position();
+        return Err(office_open::outside(&format!("row {}, column {}", u64::from(row) + 1, u64::from(column) + 1)));
+    }
     let side = |of: fn(&Cell<Data>) -> u32| {
         let (least, most) = cells.iter().map(of).fold((u32::MAX, 0), |(least, most), at| (least.min(at), most.max(at)));
         u64::from(most.saturating_sub(least)) + 1
