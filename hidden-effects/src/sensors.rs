@@ -203,6 +203,17 @@ pub fn record(mut bench: Bench, recipe: &Recipe, random: &mut impl Rng) -> Strin
         });
         pass(&mut bench, &duty, index, interval_s, (burst.as_mut(), edge_timer.as_mut()));
     }
+    csv(&as_written(rows, duty, &bench, recipe, random), &bench, recipe.channels)
+}
+
+/// The rows that a program writes of what was read.
+fn as_written(
+    mut rows: Vec<Row>,
+    mut duty: Vec<f64>,
+    bench: &Bench,
+    recipe: &Recipe,
+    random: &mut impl Rng,
+) -> Vec<Row> {
     if recipe.written_after {
         duty.rotate_right(1);
         duty[0] = 0.0;
@@ -221,7 +232,7 @@ pub fn record(mut bench: Bench, recipe: &Recipe, random: &mut impl Rng) -> Strin
     if let Some(Mistake::CurrentScale(factor)) = recipe.mistake {
         rows.iter_mut().for_each(|row| row.current_a *= factor);
     }
-    csv(&rows, &bench, recipe.channels)
+    rows
 }
 
 /// Edges of the encoder that come one by one.

@@ -70,23 +70,30 @@ pub fn recording(name: &str, mut content: Content, mappings: &[Mapping]) -> Resu
     if rows > 0 && !broken.is_empty() {
         recording.notes.push(note_on(&broken));
     }
-    let command = command(&uses, &columns, rows);
     let tick_s = uses.iter().find(|found| found.channel == Channel::Time).map_or(1.0, |found| found.factor);
-    for Use { channel, term, factor, offset } in uses {
-        let is_speed = matches!(channel, Channel::Speed | Channel::Rpm);
-        let of_term = if is_speed { mapping::speeds } else { mapping::values };
-        let mut values = of_term(term, &columns, rows);
-        if is_speed && speed_wraps::wrap(&values) {
-            values = without_wraps(channel, &values, command.as_deref())?;
-            recording.notes.push(format!("{} wraps at 16 bits. It is continued.", channel.column()));
-        }
-        let keep = values.iter().zip(&kept).filter(|(_, kept)| **kept).map(|(value, _)| value * factor + offset);
-        recording.set(channel, keep.collect());
-    }
+    fill(&mut recording, &uses, &columns, &kept)?;
     recording.notes.extend(content.notes);
     recording.leave_rows_without_time_out();
     recording.mend_times(tick_s);
     Ok(recording)
+}
+
+/// Gives the recording its channels, in the rows that are kept.
+fn fill(recording: &mut Recording, uses: &[Use], columns: &[&Column], kept: &[bool]) -> Result<(), String> {
+    let rows = kept.len();
+    let command = command(uses, columns, rows);
+    for &Use { channel, term, factor, offset } in uses {
+        let is_speed = matches!(channel, Channel::Speed | Channel::Rpm);
+        let of_term = if is_speed { mapping::speeds } else { mapping::values };
+        let mut values = of_term(term, columns, rows);
+        if is_speed && speed_wraps::wrap(&values) {
+            values = without_wraps(channel, &values, command.as_deref())?;
+            recording.notes.push(format!("{} wraps at 16 bits. It is continued.", channel.column()));
+        }
+        let keep = values.iter().zip(kept).filter(|(_, kept)| **kept).map(|(value, _)| value * factor + offset);
+        recording.set(channel, keep.collect());
+    }
+    Ok(())
 }
 
 /// What the bridge is told, if the file has it.

@@ -121,7 +121,8 @@ impl Bench {
         };
         self.hide_friction(effect, &size, recipe, random)
             .or_else(|| self.hide_load(effect, &size, recipe, random))
-            .or_else(|| self.hide_in_winding_or_bridge(effect, &size, recipe, random))
+            .or_else(|| self.hide_in_bridge(effect, &size, recipe, random))
+            .or_else(|| self.hide_in_winding(effect, &size, recipe, random))
             .or_else(|| self.hide_in_readings(effect, &size, recipe, random))
             .or_else(|| self.hide_outside(effect, &size, random))
             .expect("each effect belongs to one of these")
@@ -212,8 +213,8 @@ impl Bench {
         })
     }
 
-    /// What the winding does, and the way of the voltage to it.
-    fn hide_in_winding_or_bridge(
+    /// What the voltage meets on its way to the winding.
+    fn hide_in_bridge(
         &mut self,
         effect: Effect,
         size: &Size,
@@ -239,13 +240,6 @@ impl Bench {
                 hidden.sags_in_pulses = size.phase < WITHOUT_CAPACITOR_SHARE * TAU;
                 vec![("resistance_ohm", hidden.sag_ohm), ("within_pulses", f64::from(hidden.sags_in_pulses))]
             }
-            Effect::WindingHeating => {
-                // Mean dissipation of the sequences is about a twelfth of that at standstill.
-                let power_w = self.supply_v.powi(2) / self.motor.resistance_ohm / 12.0;
-                hidden.heating_k_per_w = size.between(0.15, 0.45) / COPPER_PER_K / power_w;
-                hidden.heating_s = random.random_range(0.25..0.8) * recipe.duration_s;
-                vec![("rise_per_W", hidden.heating_k_per_w * COPPER_PER_K), ("time_constant_s", hidden.heating_s)]
-            }
             Effect::CoastDecay => {
                 hidden.coasts = true;
                 // A loop's sketch has no duty of zero.
@@ -269,6 +263,27 @@ impl Bench {
             Effect::DropAsymmetry => {
                 hidden.drop_asymmetry = size.sign * size.between(0.15, 0.4);
                 vec![("difference_V", 2.0 * hidden.drop_asymmetry * hidden.drop_v)]
+            }
+            _ => return None,
+        })
+    }
+
+    /// What the winding does.
+    fn hide_in_winding(
+        &mut self,
+        effect: Effect,
+        size: &Size,
+        recipe: &Recipe,
+        random: &mut impl Rng,
+    ) -> Option<Constants> {
+        let hidden = &mut self.hidden;
+        Some(match effect {
+            Effect::WindingHeating => {
+                // Mean dissipation of the sequences is about a twelfth of that at standstill.
+                let power_w = self.supply_v.powi(2) / self.motor.resistance_ohm / 12.0;
+                hidden.heating_k_per_w = size.between(0.15, 0.45) / COPPER_PER_K / power_w;
+                hidden.heating_s = random.random_range(0.25..0.8) * recipe.duration_s;
+                vec![("rise_per_W", hidden.heating_k_per_w * COPPER_PER_K), ("time_constant_s", hidden.heating_s)]
             }
             Effect::ResistanceGrowingWithSpeed => {
                 hidden.growth_ohm_s = size.between(0.15, 0.6) * self.motor.resistance_ohm / self.top_speed;

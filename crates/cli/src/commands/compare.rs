@@ -307,15 +307,58 @@ const BODE_DECADES: f64 = 2.0;
 
 fn models(arguments: &Arguments) -> Result<(), Failure> {
     let models = [read_model(&arguments.first)?, read_model(&arguments.second)?];
-    let mut text = format!("  {:<42} {:>10} {:>10} {:>10}\n", "constant", "first", "second", "change");
-    let (mut parameters, mut rows) = (Vec::new(), Vec::new());
+    let corner_rad_per_s = corner_rad_per_s(&models[0]);
+    let [constants, magnitudes] = [constants_of(&models), magnitudes(&models, corner_rad_per_s)];
+    let interval_s = STEP_LENGTH / corner_rad_per_s / STEP_SAMPLES as f64;
+    let steps = models.each_ref().map(|model| step(model.clone(), arguments.voltage, interval_s));
+    let [a, b] = steps.each_ref().map(|step| step.last().copied().unwrap_or(0.0));
+    let volts = short(arguments.voltage);
+    let text = format!(
+        "{}\n{}\n  speed after a step of {volts} V, with all effects: {} and {} rad/s\n",
+        constants.text,
+        magnitudes.text,
+        short(a),
+        short(b)
+    );
+    let result = json!({
+        "parameters": constants.json, "magnitudes": magnitudes.json,
+        "step": { "voltage_V": arguments.voltage, "first_rad_per_s": a, "second_rad_per_s": b },
+    });
+    let [first, second] = steps;
+    let names = arguments.names();
+    let names = names.each_ref().map(String::as_str);
+    let step = Panel::new("speed after the step, rad/s").line(names[0], first).line(names[1], second);
+    let [gain, phase] = bode(&models, names, corner_rad_per_s);
+    let verdict = format!("after {volts} V they turn at {} and {} rad/s", short(a), short(b));
+    let figures = html! {
+        (page_table(&["constant", names[0], names[1], "change"], constants.rows))
+        p { "Magnitude of speed over voltage of the linear part, in dB re 1 rad/s/V:" }
+        (page_table(&["Hz", names[0], names[1], "change"], magnitudes.rows))
+    };
+    finish(arguments, &result, Said { verdict: &verdict, text: &text, figures }, &(interval_s, vec![step, gain, phase]))
+}
+
+/// A table of two models, for a terminal, a page and a program.
+#[derive(Default)]
+struct SideBySide {
+    text: String,
+    rows: Vec<[Markup; 4]>,
+    json: Vec<Value>,
+}
+
+/// The constants of motor and effects. One that both models leave at its default is left out.
+fn constants_of(models: &[Model; 2]) -> SideBySide {
+    let mut table = SideBySide {
+        text: format!("  {:<42} {:>10} {:>10} {:>10}\n", "constant", "first", "second", "change"),
+        ..SideBySide::default()
+    };
     let mut row = |name: &str, a: Option<f64>, b: Option<f64>| {
         let change = a.zip(b).filter(|(a, _)| *a != 0.0).map(|(a, b)| 100.0 * (b / a - 1.0));
         let or_dash = |value: Option<f64>| value.map_or("-".into(), short);
         let percent = change.map_or("-".into(), |change| format!("{} %", short(change)));
-        text += &format!("  {name:<42} {:>10} {:>10} {percent:>10}\n", or_dash(a), or_dash(b));
-        rows.push([code([name]), number(or_dash(a)), number(or_dash(b)), number(percent)]);
-        parameters.push(json!({ "name": name, "first": a, "second": b, "change_percent": change }));
+        table.text += &format!("  {name:<42} {:>10} {:>10} {percent:>10}\n", or_dash(a), or_dash(b));
+        table.rows.push([code([name]), number(or_dash(a)), number(or_dash(b)), number(percent)]);
+        table.json.push(json!({ "name": name, "first": a, "second": b, "change_percent": change }));
     };
     for ((name, a), (_, b)) in models[0].motor.named().into_iter().zip(models[1].motor.named()) {
         row(name, Some(a), Some(b));
@@ -330,42 +373,23 @@ fn models(arguments: &Arguments) -> Result<(), Failure> {
             }
         }
     }
-    let corner_rad_per_s = corner_rad_per_s(&models[0]);
-    text += "\n  magnitude of speed over voltage (linear part), dB re 1 rad/s/V\n";
-    let (mut magnitudes, mut in_decibels) = (Vec::new(), Vec::new());
+    table
+}
+
+/// Magnitudes of speed over voltage of the linear parts, around this frequency.
+fn magnitudes(models: &[Model; 2], corner_rad_per_s: f64) -> SideBySide {
+    let mut table = SideBySide {
+        text: "  magnitude of speed over voltage (linear part), dB re 1 rad/s/V\n".into(),
+        ..SideBySide::default()
+    };
     for relative in RELATIVE_FREQUENCIES {
         let omega = relative * corner_rad_per_s;
         let [a, b] = [0, 1].map(|index| 20.0 * speed(&models[index].motor).at(Complex::new(0.0, omega)).norm().log10());
-        text += &format!("  {:>10} Hz {a:>29.2} {b:>12.2} {:>7} dB\n", short(omega / TAU), fixed(b - a, 2));
-        in_decibels.push([short(omega / TAU), fixed(a, 2), fixed(b, 2), fixed(b - a, 2)].map(number));
-        magnitudes.push(json!({ "frequency_Hz": omega / TAU, "first_dB": a, "second_dB": b }));
+        table.text += &format!("  {:>10} Hz {a:>29.2} {b:>12.2} {:>7} dB\n", short(omega / TAU), fixed(b - a, 2));
+        table.rows.push([short(omega / TAU), fixed(a, 2), fixed(b, 2), fixed(b - a, 2)].map(number));
+        table.json.push(json!({ "frequency_Hz": omega / TAU, "first_dB": a, "second_dB": b }));
     }
-    let interval_s = STEP_LENGTH / corner_rad_per_s / STEP_SAMPLES as f64;
-    let steps = models.each_ref().map(|model| step(model.clone(), arguments.voltage, interval_s));
-    let end = |step: &[f64]| step.last().copied().unwrap_or(0.0);
-    let (a, b) = (end(&steps[0]), end(&steps[1]));
-    text += &format!(
-        "\n  speed after a step of {} V, with all effects: {} and {} rad/s\n",
-        short(arguments.voltage),
-        short(a),
-        short(b)
-    );
-    let result = json!({
-        "parameters": parameters, "magnitudes": magnitudes,
-        "step": { "voltage_V": arguments.voltage, "first_rad_per_s": a, "second_rad_per_s": b },
-    });
-    let [first, second] = steps;
-    let names = arguments.names();
-    let names = names.each_ref().map(String::as_str);
-    let step = Panel::new("speed after the step, rad/s").line(names[0], first).line(names[1], second);
-    let [gain, phase] = bode(&models, names, corner_rad_per_s);
-    let verdict = format!("after {} V they turn at {} and {} rad/s", short(arguments.voltage), short(a), short(b));
-    let figures = html! {
-        (page_table(&["constant", names[0], names[1], "change"], rows))
-        p { "Magnitude of speed over voltage of the linear part, in dB re 1 rad/s/V:" }
-        (page_table(&["Hz", names[0], names[1], "change"], in_decibels))
-    };
-    finish(arguments, &result, Said { verdict: &verdict, text: &text, figures }, &(interval_s, vec![step, gain, phase]))
+    table
 }
 
 /// Gain and phase of the linear parts, around the motor's own frequency.

@@ -5,10 +5,10 @@ use super::mistakes::about_mean;
 use super::{Dataset, Measured, Output};
 use motorbench_text::terminal_text::short;
 
-/// A reading that goes over no more than this many steps of what the rig file says that it resolves stands (a step to either side,
-/// and how a file rounds them), without that one that is the same in all rows...
+/// A reading within this many steps of the sensor's resolution stands still: a step to either side, and how a file rounds
+/// them. Where the rig file states no resolution, only one that is the same in all rows does.
 const MOST_STEPS: f64 = 2.5;
-/// ... if it does not follow the voltage by this: a sensor that is coarse beside the current does.
+/// A sensor that is coarse beside the current follows the voltage by at least this. Such a reading does not stand still.
 const FOLLOWS: f64 = 0.1;
 /// A motion that is this many times its noise is one.
 const MOVES: f64 = 5.0;

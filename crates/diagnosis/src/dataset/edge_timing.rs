@@ -1,7 +1,7 @@
 //! Speeds that a program times by the edges of an encoder: one step of it over the time from edge to edge.
 //!
-//! Such a speed is a mean that ended with the last edge, and it is held, or fades as one step over the time since, until the
-//! next one comes: of a coarse encoder that turns slowly that is late by more than a motor takes. Taken for the speed of the
+//! Such a speed is a mean that ended with the last edge. Until the next edge it is held, or it fades as one step over the time
+//! since. With a coarse encoder that turns slowly it is late by more than a motor's time constant. Taken for the speed of the
 //! moment it looks like a delay, or like something that is missing.
 
 use super::columns::integrated;

@@ -1,8 +1,8 @@
 //! Notes on how the recordings were made, where the rig file does not say it.
 
 use super::{
-    Contradiction, Dataset, EdgeTiming, EndOfRange, Output, PWM_HZ, SHORTEST_S, Stretch, dead_current, held_rotor,
-    row_order,
+    Averaged, Contradiction, Dataset, EdgeTiming, EndOfRange, Output, PWM_HZ, SHORTEST_S, Stretch, dead_current,
+    held_rotor, row_order,
 };
 use motorbench_data::recording::Channel;
 use motorbench_text::terminal_text::short;
@@ -21,6 +21,13 @@ fn averaged(window_s: f64) -> String {
     format!(
         "The speed is compared as a mean over the last {} s: a lag explains it less well, or no better. If that is right, write [recording] speed_window_s = {0} into the rig file. A shorter window, or the counts themselves, would show more of the motor.",
         short(window_s)
+    )
+}
+
+/// Note on a stated window that is one of readings.
+fn of_readings(count: usize) -> String {
+    format!(
+        "The speed is compared as the mean of the last {count} readings. The mean over the time of [recording] speed_window_s explains much less."
     )
 }
 
@@ -59,12 +66,14 @@ impl Dataset {
         }
         if let Some(Stretch { window, interval_s, .. }) = self.stretches.first()
             && self.motion().output == Output::MeanSpeed
-            && self.origin.timing.speed_window_s.is_none()
         {
-            notes.push(match (self.origin.taken_over_its_row, self.origin.averaged) {
-                (true, _) => OVER_ITS_ROW.into(),
-                (_, Some(_)) => averaged(window.span as f64 * interval_s),
-                _ => window.note(*interval_s),
+            let is_stated = self.origin.timing.speed_window_s.is_some();
+            notes.extend(match (self.origin.taken_over_its_row, self.origin.averaged) {
+                (_, Some(Averaged::Readings)) if is_stated => Some(of_readings(window.span + 1)),
+                _ if is_stated => None,
+                (true, _) => Some(OVER_ITS_ROW.into()),
+                (_, Some(_)) => Some(averaged(window.span as f64 * interval_s)),
+                _ => Some(window.note(*interval_s)),
             });
         }
         if self.origin.angle_by_ripple {

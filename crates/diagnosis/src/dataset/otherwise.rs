@@ -113,6 +113,21 @@ impl Dataset {
         })
     }
 
+    /// With a stated window of several rows as one of readings, where neither the columns nor the rig file say more of it.
+    /// The window of ten readings reaches over nine intervals, and is often said to have ten.
+    pub fn with_window_of_readings(&self) -> impl Iterator<Item = Self> {
+        let may_be = self.origin.timing.speed_window_s.is_some()
+            && self.motion().output == Output::MeanSpeed
+            && !self.origin.window_end_is_known;
+        let span = self.stretches.first().filter(|_| may_be).map_or(0, |stretch| stretch.window.span);
+        (span.saturating_sub(1)..=span).filter(|rows| *rows > 1).map(|rows| {
+            let mut other = self.clone();
+            other.take_speed_as_mean_over(rows);
+            other.origin.averaged = Some(Averaged::Readings);
+            other
+        })
+    }
+
     fn is_speed_reading_told(&self) -> bool {
         self.origin.timing.readings == Readings::Mean || self.origin.timing.speed_window_s.is_some()
     }

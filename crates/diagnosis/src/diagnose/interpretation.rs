@@ -143,11 +143,12 @@ fn nothing(selection: &Selection, last: &Fit, everything: &Dataset) -> Option<us
 /// The best choice of what the rig file leaves open about the recording. It is judged by the rest above the noise, the
 /// distance from the data sheet, and the number of effects.
 fn best_interpretation(
-    data: Dataset,
+    mut data: Dataset,
     prior: &Prior,
     excluded_ids: &[&'static str],
     progress: select::Progress,
 ) -> (Dataset, Selection) {
+    speed_reading::settle_stated_window(&mut data, prior);
     let centred = data.with_window_centred();
     let ways = [Some(data), centred].into_iter().flatten().map(|data| interpret(data, prior, excluded_ids, progress));
     let rank = |(data, selection): &(Dataset, Selection)| {

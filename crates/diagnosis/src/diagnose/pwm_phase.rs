@@ -127,7 +127,7 @@ fn in_everything(data: &Dataset, prior: &Prior, way: &Way, near: Option<f64>) ->
     (cost < whole.mean.cost).then_some(phase)
 }
 
-/// Sets the phase of a slow PWM if a model that was found has very strong evidence for one, and moves a known one to where
+/// Sets the phase of a slow PWM if a model that was found has very strong evidence for one. A known phase is moved to where
 /// that model fits best. Returns whether that changes much.
 pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {
     if data.origin.pwm_phase.is_some() {

@@ -62,6 +62,17 @@ pub(super) fn settle_average(data: &mut Dataset, prior: &Prior, found: &Fit) -> 
     true
 }
 
+/// Takes the stated window of a speed for that of readings at rows, if the usual effects explain more with it.
+pub(super) fn settle_stated_window(data: &mut Dataset, prior: &Prior) {
+    let cost = |data: &Dataset| usual_model(data, prior, &excluded(data)).cost;
+    let readings = data.with_window_of_readings().map(|other| (cost(&other), other));
+    let Some((of_readings, other)) = readings.min_by(|a, b| a.0.total_cmp(&b.0)) else { return };
+    let of_time = data.with_window_centred().iter().map(cost).fold(cost(data), f64::min);
+    if of_readings <= LEAST_GAIN * of_time {
+        *data = other;
+    }
+}
+
 /// Data whose speed is taken as a mean, and what a model costs there.
 struct WithWindow {
     data: Dataset,

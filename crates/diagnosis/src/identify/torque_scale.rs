@@ -1,7 +1,7 @@
 //! The scale of all torques, of which a recording without a current says nothing.
 //!
-//! With every torque, friction and inertia `c` times as great, resistance and inductance `c` times as small and the current
-//! `c` times as great, the motor turns exactly as before. Only what was known before decides on `c`. Finite differences
+//! Let every torque, friction, inertia and current be `c` times as great, and resistance and inductance `c` times as small:
+//! the motor turns exactly as before. Only what was known before decides on `c`. Finite differences
 //! know that no better than to a thousandth, and a thousandth of ten thousand samples outweighs every data sheet.
 
 use super::dot;

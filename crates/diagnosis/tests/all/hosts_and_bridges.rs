@@ -223,13 +223,23 @@ fn a_moving_average_is_no_lag() {
         let (speed, current) = (mean + noise(0.1), current_a + noise(0.01));
         let _ = writeln!(text, "{time_s:.3},{:.5},{speed:.4},{current:.5}", command(*time_s));
     }
-    let found = diagnosed(&text, None, "");
-    assert_eq!(names(&found), ["coulomb_friction", "voltage_drop"], "seed {seed}, {readings} readings: {found:?}");
-    for (name, truth) in [("resistance_ohm", RESISTANCE_OHM), ("torque_constant_Nm_per_A", TORQUE_CONSTANT)] {
-        assert!(contains(&found, name, truth), "seed {seed}, {readings}: {name} {:?}", found.parameters[name]);
+    // The rig file says nothing, or the length as people count it: readings times interval, or from first to last.
+    let stated = |intervals: usize| Some(intervals as f64 * 0.01);
+    let of_readings = format!("the mean of the last {readings} readings");
+    for (window_s, told) in [
+        (None, "a mean over the last"),
+        (stated(readings), of_readings.as_str()),
+        // A mean over the same time differs by little.
+        (stated(readings - 1), ""),
+    ] {
+        let found = diagnosed(&text, window_s, "");
+        let case = format!("seed {seed}, {readings} readings, {window_s:?}");
+        assert_eq!(names(&found), ["coulomb_friction", "voltage_drop"], "{case}: {found:?}");
+        for (name, truth) in [("resistance_ohm", RESISTANCE_OHM), ("torque_constant_Nm_per_A", TORQUE_CONSTANT)] {
+            assert!(contains(&found, name, truth), "{case}: {name} {:?}", found.parameters[name]);
+        }
+        assert!(found.advice.iter().any(|note| note.contains(told)), "{case}: {:?}", found.advice);
     }
-    let note = found.advice.iter().find(|note| note.contains("a mean over the last"));
-    assert!(note.is_some(), "seed {seed}, {readings} readings: {:?}", found.advice);
 }
 
 /// A handler that misses edges while the shaft turns one way. A bridge that gives less one way looks like it.
