@@ -11,11 +11,57 @@ use zip::{CompressionMethod, ZipArchive, ZipWriter};
 const BEFORE_TEXT: usize = 10;
 const ALIGNMENT: usize = 64;
 
+/// A field that is a record with a shape needs seven. A reader tries each bracket in several ways, so its time grows with
+/// a power of this.
+const MOST_NESTED: usize = 8;
+
 fn header(bytes: &[u8]) -> Result<(NpyHeader, &[u8]), Fault> {
+    check_text(bytes)?;
     let mut rest = Cursor::new(bytes);
     let header = NpyHeader::from_reader(&mut rest)
         .map_err(|error| Fault::at_byte(0, format!("no header of a NumPy array: {error}")))?;
     Ok((header, &bytes[rest.position() as usize..]))
+}
+
+/// Refuses a header whose text is not in the file, or that would be read for ever.
+fn check_text(bytes: &[u8]) -> Result<(), Fault> {
+    let (length, start) = match *bytes {
+        [0x93, b'N', b'U', b'M', b'P', b'Y', 1, _, low, high, ..] => (u32::from(u16::from_le_bytes([low, high])), 10),
+        [0x93, b'N', b'U', b'M', b'P', b'Y', _, _, a, b, c, d, ..] => (u32::from_le_bytes([a, b, c, d]), 12),
+        // The reader names it.
+        _ => return Ok(()),
+    };
+    let text = usize::try_from(length).ok().and_then(|length| bytes[start..].get(..length));
+    let text =
+        text.ok_or_else(|| Fault::at_byte(bytes.len(), format!("the file ends within its header of {length} bytes")))?;
+    match nested(text).filter(|nested| *nested <= MOST_NESTED) {
+        Some(_) => Ok(()),
+        None => {
+            Err(Fault::at_byte(start, "this header was not written by NumPy. Save the array again with numpy.save"))
+        }
+    }
+}
+
+/// How deep the brackets of a header stand in each other, outside of names. NumPy never writes three quotes in a row.
+fn nested(text: &[u8]) -> Option<usize> {
+    if text.windows(3).any(|three| three == b"'''" || three == b"\"\"\"") {
+        return None;
+    }
+    let (mut depth, mut deepest, mut quote) = (0_usize, 0, None);
+    let mut bytes = text.iter();
+    while let Some(byte) = bytes.next() {
+        match (quote, byte) {
+            (Some(_), b'\\') => _ = bytes.next(),
+            (Some(open), close) if open == close => quote = None,
+            (Some(_), _) => {}
+            (None, b'\'' | b'"') => quote = Some(byte),
+            (None, b'(' | b'[' | b'{') => depth += 1,
+            (None, b')' | b']' | b'}') => depth = depth.saturating_sub(1),
+            (None, _) => {}
+        }
+        deepest = deepest.max(depth);
+    }
+    Some(deepest)
 }
 
 /// All fields of a structured array with one dimension, or the columns of a matrix.

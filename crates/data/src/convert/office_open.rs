@@ -11,14 +11,15 @@ use zip::ZipArchive;
 pub const MOST_ROWS: u32 = 1_048_576;
 pub const MOST_COLUMNS: u32 = 16_384;
 
-/// Refuses a workbook in which a row, a cell or a range stands outside of any sheet.
+/// The folder of sheets and what belongs to them.
+const SHEETS: &str = "xl/";
+
+/// Refuses a workbook in which a row, a cell or the range of a sheet stands outside of any sheet.
 pub fn check(bytes: &[u8]) -> Result<(), Fault> {
     let Ok(mut archive) = ZipArchive::new(Cursor::new(bytes)) else { return Ok(()) };
     let parts: Vec<String> = archive.file_names().flatten().map(Into::into).collect();
-    if !parts.iter().any(|part| part.starts_with("xl/")) {
-        return Ok(());
-    }
-    parts.iter().filter(|part| part.ends_with(".xml")).try_for_each(|part| check_part(&mut archive, part))
+    let is_of_sheets = |part: &&String| part.starts_with(SHEETS) && part.ends_with(".xml");
+    parts.iter().filter(is_of_sheets).try_for_each(|part| check_part(&mut archive, part))
 }
 
 /// What is not XML to its end is read, and refused, up to there.
@@ -57,7 +58,7 @@ fn place_outside(element: &BytesStart<'_>) -> Option<String> {
         let said = &*attribute.value;
         let is_outside = match (element_name.as_ref(), attribute.key.as_ref()) {
             ("row" | "c", "r") => place(said).is_none(),
-            (_, "ref") => !is_a_range(said),
+            ("dimension", "ref") => !is_a_range(said),
             _ => false,
         };
         is_outside.then(|| said.to_owned())

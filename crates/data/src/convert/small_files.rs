@@ -122,6 +122,29 @@ fn a_cell_far_from_the_table_is_named() {
     assert!(why.contains("delete what stands far from the table"), "{why}");
 }
 
+fn npy(version: u8, length: &[u8], text: &str) -> Vec<u8> {
+    [&b"\x93NUMPY"[..], &[version, 0], length, text.as_bytes()].concat()
+}
+
+/// Each bracket triples the time of the reader: forty of them would be read for ever.
+#[test]
+fn a_header_with_brackets_in_brackets_is_refused() {
+    for inside in ["(".repeat(40), "[".repeat(40), "{".repeat(40), "{'}': ".repeat(40), "''' ' '''".to_owned()] {
+        let text = format!("{{'descr': '<f8', 'fortran_order': False, 'shape': ({inside}");
+        let why = read_as(Format::Npy, &npy(1, &(text.len() as u16).to_le_bytes(), &text), &[]).unwrap_err();
+        assert!(why.contains("not written by NumPy") && why.contains("numpy.save"), "{inside}: {why}");
+    }
+    let why = read_as(Format::Npy, &npy(2, &u32::MAX.to_le_bytes(), "{"), &[]).unwrap_err();
+    assert!(why.contains("the file ends within its header of 4294967295 bytes"), "{why}");
+    // Brackets in a name do not count.
+    let name = "speed ((((((((((, rad/s";
+    let text = format!("{{'descr': [('{name}', '<f8'), ('t_s', '<f8')], 'fortran_order': False, 'shape': (1,), }}");
+    let mut whole = npy(1, &(text.len() as u16).to_le_bytes(), &text);
+    whole.extend([0; 16]);
+    let content = named_content("log.npy", &whole, Format::Npy).unwrap();
+    assert_eq!(content.columns[0].name, name);
+}
+
 /// The reader's numbers would wrap: the cell of row 4294967298 would be read as that of row 2.
 #[test]
 fn a_cell_outside_of_any_sheet_is_named() {

@@ -1,7 +1,7 @@
 //! A sensor that ends before the motor does: its reading runs against a value, and stands there.
 //!
-//! A motor comes to its greatest speed ever slower, and noise goes on there. A reading that moved,
-//! and then is the same number for rows, is at the end of a range: of a sensor, an amplifier or a converter.
+//! A motor comes to its greatest speed ever slower, and noise goes on there. A reading that moved, and then is
+//! the same number for rows, is at the end of a range: of a sensor, an amplifier or a converter.
 
 use crate::dataset::{greatest, median, runs};
 use std::ops::Range;
