@@ -26,8 +26,12 @@ fn header(bytes: &[u8]) -> Result<(NpyHeader, &[u8]), Fault> {
 /// Refuses a header whose text is not in the file, or that would be read for ever.
 fn check_text(bytes: &[u8]) -> Result<(), Fault> {
     let (length, start) = match *bytes {
-        [0x93, b'N', b'U', b'M', b'P', b'Y', 1, _, low, high, ..] => (u32::from(u16::from_le_bytes([low, high])), 10),
-        [0x93, b'N', b'U', b'M', b'P', b'Y', _, _, a, b, c, d, ..] => (u32::from_le_bytes([a, b, c, d]), 12),
+        [0x93, b'N', b'U', b'M', b'P', b'Y', 1, _, low, high, ..] => {
+            (u32::from(u16::from_le_bytes([low, high])), BEFORE_TEXT)
+        }
+        [0x93, b'N', b'U', b'M', b'P', b'Y', _, _, a, b, c, d, ..] => {
+            (u32::from_le_bytes([a, b, c, d]), BEFORE_TEXT + 2)
+        }
         // The reader names it.
         _ => return Ok(()),
     };

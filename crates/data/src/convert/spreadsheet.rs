@@ -86,12 +86,8 @@ fn sheet(book: &mut Book<'_>, name: &str) -> Result<Range<Data>, String> {
         // The other formats are read when the book is opened.
         Sheets::Xls(_) | Sheets::Ods(_) => return book.worksheet_range(name).map_err(unreadable),
     };
-    let is_outside = |cell: &&Cell<Data>| {
-        let (row, column) = cell.get_position();
-        row >= office_open::MOST_ROWS || column >= office_open::MOST_COLUMNS
-    };
-    if let Some(cell) = cells.iter().find(is_outside) {
-        let (row, column) = cell.get_position();
+    let is_outside = |at: &(u32, u32)| at.0 >= office_open::MOST_ROWS || at.1 >= office_open::MOST_COLUMNS;
+    if let Some((row, column)) = cells.iter().map(Cell::get_position).find(is_outside) {
         return Err(office_open::outside(&format!("row {}, column {}", u64::from(row) + 1, u64::from(column) + 1)));
     }
     let side = |of: fn(&Cell<Data>) -> u32| {

@@ -105,12 +105,7 @@ impl Dataset {
     /// With the speed as a mean over the last `rows` intervals, where nothing says what it is.
     pub fn with_speed_averaged(&self, rows: usize, averaged: Averaged) -> Option<Self> {
         let may_be = !self.is_speed_reading_told() && self.motion().output == Output::Speed;
-        may_be.then(|| {
-            let mut other = self.clone();
-            other.take_speed_as_mean_over(rows);
-            other.origin.averaged = Some(averaged);
-            other
-        })
+        may_be.then(|| self.averaged_over(rows, averaged))
     }
 
     /// With a stated window of several rows as one of readings, where neither the columns nor the rig file say more of it.
@@ -120,12 +115,16 @@ impl Dataset {
             && self.motion().output == Output::MeanSpeed
             && !self.origin.window_end_is_known;
         let span = self.stretches.first().filter(|_| may_be).map_or(0, |stretch| stretch.window.span);
-        (span.saturating_sub(1)..=span).filter(|rows| *rows > 1).map(|rows| {
-            let mut other = self.clone();
-            other.take_speed_as_mean_over(rows);
-            other.origin.averaged = Some(Averaged::Readings);
-            other
-        })
+        (span.saturating_sub(1)..=span)
+            .filter(|rows| *rows > 1)
+            .map(|rows| self.averaged_over(rows, Averaged::Readings))
+    }
+
+    fn averaged_over(&self, rows: usize, averaged: Averaged) -> Self {
+        let mut other = self.clone();
+        other.take_speed_as_mean_over(rows);
+        other.origin.averaged = Some(averaged);
+        other
     }
 
     fn is_speed_reading_told(&self) -> bool {
