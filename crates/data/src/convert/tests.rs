@@ -195,3 +195,35 @@ fn units_are_scaled_and_paths_are_known_by_their_last_part() {
     assert_eq!(read.get(Channel::Voltage).unwrap(), [2.0, 3.0]);
     assert!((read.get(Channel::Speed).unwrap()[1] - 2.0 * std::f64::consts::TAU).abs() < 1e-12);
 }
+
+#[test]
+fn samples_without_any_value_are_not_lost() {
+    let missing = f64::NAN;
+    for lacking in [1, 12] {
+        let values = |first: f64| -> Vec<f64> {
+            let sampled = (0..20).map(|row| first + f64::from(row));
+            std::iter::repeat_n(missing, lacking).chain(sampled).chain([missing]).collect()
+        };
+        let mut recording = Recording::new("a sensor that starts late");
+        recording.set(Channel::Duty, values(0.5));
+        recording.set(Channel::Speed, values(30.0));
+        for dialect in [Dialect::default(), Dialect { delimiter: Some(b';'), decimal_comma: true }] {
+            let back = there_and_back(&recording, Format::Csv, dialect);
+            for channel in [Channel::Duty, Channel::Speed] {
+                let (before, after) = (recording.get(channel).unwrap(), back.get(channel).unwrap());
+                assert_eq!(before.len(), after.len(), "{lacking} rows before the first value");
+                assert!(before.iter().zip(after).all(|(a, b)| a == b || a.is_nan() && b.is_nan()), "{after:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_rule_under_the_names_is_no_sample() {
+    let read = |text: &str| read("in", text.as_bytes(), Format::Csv, &[], Dialect::default()).unwrap().recording;
+    let ruled = read("u_V | omega_rad_per_s\n----|----\n1.5 | 30.0\n1.6 | 31.0\n");
+    assert_eq!(ruled.get(Channel::Voltage).unwrap(), [1.5, 1.6]);
+    let missing = read("u_V,omega_rad_per_s\nnan,nan\n1.5,30.0\n");
+    assert!(missing.get(Channel::Voltage).unwrap()[0].is_nan(), "{missing:?}");
+    assert_eq!(missing.get(Channel::Voltage).unwrap()[1], 1.5);
+}

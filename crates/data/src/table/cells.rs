@@ -68,12 +68,17 @@ pub fn evidence(cell: &str) -> Option<Notation> {
     ((before.is_empty() || digits(before)) && (fraction.is_empty() || digits(fraction))).then_some(Notation::Comma)
 }
 
+/// Whether a cell says that there is no value. Dashes say so too, but a line of them may be a rule under the names.
+pub fn is_word_for_missing(cell: &str) -> bool {
+    MISSING.iter().any(|word| cell.eq_ignore_ascii_case(word))
+}
+
 /// The number of a cell, NaN for a missing one. `None`: it is no number.
 pub fn number(cell: &str, notation: Notation) -> Option<f64> {
     if let Ok(value) = cell.parse::<f64>() {
         return Some(if value.is_finite() { value } else { f64::NAN });
     }
-    if MISSING.iter().any(|word| cell.eq_ignore_ascii_case(word)) || is_dashes(cell) {
+    if is_word_for_missing(cell) || is_dashes(cell) {
         return Some(f64::NAN);
     }
     match cell {

@@ -1,5 +1,6 @@
 //! The line of names above a table, and a line of units with it.
 
+use super::cells::is_word_for_missing;
 use super::lines::{Line, Separator, is_row_of_numbers};
 use super::{Split, oscilloscope};
 use crate::units;
@@ -45,6 +46,7 @@ pub fn find(split: &Split<'_>, comments: &[Line<'_>]) -> Header {
     });
     let Some(first) = first else { return of_line(split, 0, None, count.min(1)) };
     let width = (first..count.min(first + 20)).map(|index| filled(&cells(index))).max().unwrap_or(split.width);
+    let first = with_missing(split, first);
     if let Some(found) = above(split, first, width) {
         return found;
     }
@@ -65,6 +67,16 @@ pub fn find(split: &Split<'_>, comments: &[Line<'_>]) -> Header {
     }
     let names = (1..=width.max(1)).map(|number| number.to_string()).collect();
     Header { names, first_row: first, ..Header::default() }
+}
+
+/// The first row, with the rows before it that have no value in any cell. Without a column of times, the place of a
+/// row is its time.
+fn with_missing(split: &Split<'_>, first: usize) -> usize {
+    let is_missing = |index: &usize| {
+        let cells = split.separator.cells(split.lines[*index].text);
+        cells.len() == split.width && cells.iter().all(|cell| is_word_for_missing(cell))
+    };
+    (0..first).rev().take_while(is_missing).last().unwrap_or(first)
 }
 
 /// The names above the first row, and the units between.
