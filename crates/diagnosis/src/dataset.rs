@@ -422,6 +422,8 @@ mod tests {
     }
 
     proptest! {
+        // Each case is a recording of 4000 rows.
+        #![proptest_config(ProptestConfig::with_cases(48))]
         /// Over a pause the motor goes on as it was told, if it was told nothing else.
         #[test]
         fn a_pause_divides_where_the_command_may_have_changed(from_s in 0.6_f64..3.4, length_s in 0.02_f64..0.4) {

@@ -14,14 +14,14 @@ use motorbench_model::catalogue::Scales;
 use motorbench_model::motor::MotorParameters;
 use motorbench_model::{Model, Term};
 use nalgebra::DMatrix;
-pub use prior::{GIVEN_DROP_SPREAD_V, NOMINAL_SPREAD, Prior};
+pub use prior::{GIVEN_DROP_SPREAD_V, NOMINAL_SPREAD, Prior, lateness_s, uniform_deviation};
 pub use promises::{LEAST_PROMISE, Promise};
 use search::Search;
 use sensitivities::Sensitivities;
 pub use speed_window::with_window_settled;
 use std::sync::OnceLock;
-pub use torque_scale::{is_unknown as has_unknown_torque_scale, scales_all as scales_all_torques};
 pub use uncertainty::{Derived, Interval, Uncertainty, Z95};
+pub use unknown_scale::{has_unknown_torque_scale, has_unknown_voltage_scale, scales_all_torques};
 pub use unknowns::Place;
 use unknowns::Unknown;
 
@@ -31,8 +31,8 @@ mod promises;
 mod search;
 mod sensitivities;
 mod speed_window;
-mod torque_scale;
 mod uncertainty;
+mod unknown_scale;
 mod unknowns;
 
 /// Steps that locate the time of an event.
@@ -93,6 +93,11 @@ impl Effort {
     /// Until convergence.
     pub const FULL: Self = Self { steps: 30, least_gain: 1e-5, sensitivities: Steps::Fine, ..Self::NONE };
 
+    /// Step size of the simulations on the way. A look is simulated finely where it ends.
+    fn points(self) -> Steps {
+        if self.is_a_look && self.steps > 0 { Steps::Coarse } else { Steps::Fine }
+    }
+
     /// The same for a fit that is useless above a cost.
     pub fn useless_above(self, cost: f64) -> Self {
         Self { useless_above: cost, ..self }
@@ -134,7 +139,7 @@ fn fit_in(replay: &Replay, start: &Model, prior: &Prior, effort: Effort) -> Fit 
         let (index, spacing) = effect.spacing(&scales)?;
         Some(located(start, replay, term, index, spacing))
     });
-    Search::new(located.as_ref().unwrap_or(start), replay, prior).run(effort)
+    Search::new(located.as_ref().unwrap_or(start), replay, prior, effort).run()
 }
 
 /// The model with the constant, within half a spacing, at which the sum of all squares is least, held-out data

@@ -85,7 +85,7 @@ impl LinearStep {
             mean_v: voltage_v + terms.voltage_v,
             emf_v: self.torque_constant_nm_per_a * speed,
             lost_v: (self.resistance_ohm + terms.resistance_ohm) * current_a,
-            drops_v: terms.drops_v(),
+            drops: terms.drops(),
         }
     }
 
@@ -105,9 +105,11 @@ impl LinearStep {
         let dot = |row: &[f64; 4]| row[0] * inputs[0] + row[1] * inputs[1] + row[2] * inputs[2] + row[3] * inputs[3];
         let free_a = dot(&self.current_of);
         let gain = self.current_of[2];
-        let dry_a = gain * terms.ripple.mean_drop_v(terms.drops_v());
+        let dry_a = terms.ripple.mean_drops_v(terms.drops()).map(|drop_v| gain * drop_v);
+        let before_and_after = || if current_a < 0.0 { [dry_a[1], dry_a[0]] } else { dry_a };
         let flowing_a = match terms.drops_with_the_mean() {
             true => {
+                let dry_a = dry_a[usize::from(free_a < 0.0)];
                 let left_a = eased_a(free_a, dry_a, terms.knee_a);
                 turned(current_a, left_a, free_a, || {
                     [dry_a * (current_a.abs() / terms.knee_a).tanh(), (free_a - left_a).abs()]
@@ -117,8 +119,8 @@ impl LinearStep {
                 let left_a =
                     terms.ripple.against_drops(free_a, dry_a, || self.volts(current_a, speed, voltage_v, terms));
                 // One that hangs on what pulses leave has no time of its own.
-                let is_whole = left_a == free_a - dry_a || left_a == free_a + dry_a;
-                if is_whole { turned(current_a, left_a, free_a, || [dry_a; 2]) } else { left_a }
+                let is_whole = left_a == free_a - dry_a[0] || left_a == free_a + dry_a[1];
+                if is_whole { turned(current_a, left_a, free_a, before_and_after) } else { left_a }
             }
         };
         // Quotients as products: they do not wait for what they scale.

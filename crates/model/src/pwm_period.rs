@@ -16,8 +16,35 @@ pub struct Volts {
     pub emf_v: f64,
     /// What the mean current loses in the resistance.
     pub lost_v: f64,
-    /// What is lost in the pulse and in the off phase, whichever way the current flows.
-    pub drops_v: [f64; 2],
+    /// What is lost in the bridge.
+    pub drops: Drops,
+}
+
+/// What a current loses in the bridge, in volts.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Drops {
+    /// In the pulse, in the direction of the drive.
+    pub pulse_v: f64,
+    /// In the pulse, back into the supply.
+    pub return_v: f64,
+    /// In the off phase, whichever way it flows.
+    pub off_v: f64,
+}
+
+impl Drops {
+    /// The same drop wherever the current flows.
+    pub fn everywhere(drop_v: f64) -> Self {
+        Self { pulse_v: drop_v, return_v: drop_v, off_v: drop_v }
+    }
+}
+
+/// Which way a current flows through the bridge.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Way {
+    /// In the direction of the drive.
+    With,
+    /// Back into the supply.
+    Against,
 }
 
 /// The PWM as the current sees it.
@@ -79,20 +106,22 @@ impl Ripple {
         Self { sense, pulse: Part::new(pulse, self.decay), off: Part::new(1.0 - pulse, self.decay), ..self }
     }
 
-    /// What is lost over a period in which the current does not reverse.
+    /// What is lost over a period in which the current stays positive, and in which it stays negative.
     #[inline]
-    pub fn mean_drop_v(&self, [pulse_v, off_v]: [f64; 2]) -> f64 {
-        off_v + self.pulse.share * (pulse_v - off_v)
+    pub fn mean_drops_v(&self, Drops { pulse_v, return_v, off_v }: Drops) -> [f64; 2] {
+        let mean_v = |in_pulse_v: f64| off_v + self.pulse.share * (in_pulse_v - off_v);
+        if self.sense < 0.0 { [mean_v(return_v), mean_v(pulse_v)] } else { [mean_v(pulse_v), mean_v(return_v)] }
     }
 
-    /// What drops leave of a mean current: `free_a` without them, `dry_a` what they take from a current that does not
-    /// reverse. One that touches zero in each period has the mean that the volts say, whatever it was before.
+    /// What drops leave of a mean current: `free_a` without them, `dry_a` what they take from a current that stays positive,
+    /// and from one that stays negative. One that touches zero in each period has the mean that the volts say, whatever it
+    /// was before.
     #[inline]
-    pub fn against_drops(&self, free_a: f64, dry_a: f64, volts: impl FnOnce() -> Volts) -> f64 {
-        if dry_a <= 0.0 {
+    pub fn against_drops(&self, free_a: f64, dry_a: [f64; 2], volts: impl FnOnce() -> Volts) -> f64 {
+        if dry_a == [0.0; 2] {
             return free_a;
         }
-        let (least_a, most_a) = (free_a - dry_a, free_a + dry_a);
+        let (least_a, most_a) = (free_a - dry_a[0], free_a + dry_a[1]);
         // Not `clamp`: a simulation that has left all bounds is judged by its error.
         let within = |settled_a: f64| settled_a.max(least_a).min(most_a);
         if self.pulse.share * self.a_per_v == 0.0 {
@@ -100,17 +129,16 @@ impl Ripple {
         }
         let volts = volts();
         // However it decays, it swings no wider than in straight lines.
-        let widest_a = self.straight_swing_a(&volts);
+        let widest_a = self.straight_swing_a(&volts, Way::With).max(self.straight_swing_a(&volts, Way::Against));
         if least_a >= widest_a {
             return least_a;
         }
         if most_a <= -widest_a {
             return most_a;
         }
-        let swing = self.swing(&volts);
+        let (with_a, against_a) = (self.swing(&volts, Way::With).low_a, self.swing(&volts, Way::Against).high_a);
         // As far as the mean is above the least current, and below the greatest.
-        let [above_a, below_a] =
-            if self.sense > 0.0 { [swing.low_a, swing.high_a] } else { [swing.high_a, swing.low_a] };
+        let [above_a, below_a] = if self.sense > 0.0 { [with_a, against_a] } else { [against_a, with_a] };
         if least_a >= above_a {
             least_a
         } else if most_a <= -below_a {
@@ -122,31 +150,36 @@ impl Ripple {
 
     /// The current at the share `at` of a period with the mean `mean_a`.
     pub fn sampled_a(&self, mean_a: f64, at: f64, volts: &Volts) -> f64 {
-        let sense = self.sense;
-        let swing = self.swing(volts);
-        if -swing.high_a < sense * mean_a
-            && sense * mean_a < swing.low_a
-            && let Regime::Touching(cycle) = self.regime(volts)
-        {
-            return mean_a + sense * self.a_per_v * (cycle.at_v(at) - cycle.mean_v());
+        let driven_a = self.sense * mean_a;
+        let way = if driven_a < 0.0 { Way::Against } else { Way::With };
+        let swing = self.swing(volts, way);
+        let is_clear = match way {
+            Way::With => driven_a >= swing.low_a,
+            Way::Against => driven_a <= -swing.high_a,
+        };
+        if !is_clear && let Regime::Touching(cycle) = self.regime(volts) {
+            return mean_a + self.sense * self.a_per_v * (cycle.at_v(at) - cycle.mean_v());
         }
-        mean_a + sense * swing.at_a(at)
+        mean_a + self.sense * swing.at_a(at)
     }
 
     /// From the least to the greatest current of a period without resistance.
     #[inline]
-    fn straight_swing_a(&self, volts: &Volts) -> f64 {
+    fn straight_swing_a(&self, volts: &Volts, way: Way) -> f64 {
         let pulse = self.pulse.share;
-        let [pulse_drop_v, off_drop_v] = volts.drops_v;
-        let driven_v = volts.mean_v.abs() + pulse * (off_drop_v - pulse_drop_v);
-        self.a_per_v * (1.0 - pulse) * driven_v.abs()
+        let Drops { pulse_v, return_v, off_v } = volts.drops;
+        let apart_v = match way {
+            Way::With => off_v - pulse_v,
+            Way::Against => return_v - off_v,
+        };
+        self.a_per_v * (1.0 - pulse) * (volts.mean_v.abs() + pulse * apart_v).abs()
     }
 
     /// Of a period in which the PWM drives and the current does not touch zero.
     #[inline]
-    fn swing(&self, volts: &Volts) -> Swing {
+    fn swing(&self, volts: &Volts, way: Way) -> Swing {
         let Self { pulse, off, decay, .. } = *self;
-        let straight_a = self.straight_swing_a(volts);
+        let straight_a = self.straight_swing_a(volts, way);
         if decay == 0.0 || pulse.share == 1.0 {
             let half_a = 0.5 * straight_a;
             return Swing { pulse: pulse.share, decay: 0.0, low_a: half_a, high_a: half_a, towards_a: 0.0 };
@@ -168,8 +201,8 @@ impl Ripple {
         let sense = self.sense;
         match self.regime(volts) {
             Regime::Touching(cycle) => sense * self.a_per_v * cycle.mean_v(),
-            Regime::Above => sense * self.swing(volts).low_a,
-            Regime::Below => -sense * self.swing(volts).high_a,
+            Regime::Above => sense * self.swing(volts, Way::With).low_a,
+            Regime::Below => -sense * self.swing(volts, Way::Against).high_a,
         }
     }
 
@@ -178,9 +211,9 @@ impl Ripple {
         // In exponentials the resistance takes its share of the current of each moment.
         let emf_v = sense * if decay == 0.0 { volts.emf_v + volts.lost_v } else { volts.emf_v };
         let supply_v = sense * volts.mean_v / pulse.share;
-        let [pulse_drop_v, off_drop_v] = volts.drops_v;
-        let (rise_v, return_v) = (supply_v - pulse_drop_v - emf_v, supply_v + pulse_drop_v - emf_v);
-        let (fall_v, reverse_v) = (emf_v + off_drop_v, emf_v - off_drop_v);
+        let drops = volts.drops;
+        let (rise_v, return_v) = (supply_v - drops.pulse_v - emf_v, supply_v + drops.return_v - emf_v);
+        let (fall_v, reverse_v) = (emf_v + drops.off_v, emf_v - drops.off_v);
         let (from_rest_v, to_rest_v) = (rise_v * pulse.gained, reverse_v * off.gained);
         if fall_v <= 0.0 || rise_v > 0.0 && off.is_too_short_for(from_rest_v, fall_v) {
             return Regime::Above;
@@ -367,10 +400,11 @@ mod tests {
                     // The pulse ends within a step; a whole one more or less would be seen in a short pulse.
                     let on = (duty.abs() * STEPS as f64 - step as f64).clamp(0.0, 1.0);
                     let source_v = on * duty.signum() * SUPPLY_V;
-                    let [pulse_drop_v, off_drop_v] = volts.drops_v;
-                    let drop_v = off_drop_v + on * (pulse_drop_v - off_drop_v);
+                    let Drops { pulse_v, return_v, off_v } = volts.drops;
                     let free_a: f64 =
                         current_a * (1.0 - 0.5 * decay / STEPS as f64) + step_a_per_v * (source_v - volts.emf_v);
+                    let in_pulse_v = if free_a * duty < 0.0 { return_v } else { pulse_v };
+                    let drop_v = off_v + on * (in_pulse_v - off_v);
                     let left_a = free_a.signum() * (free_a.abs() - step_a_per_v * drop_v).max(0.0);
                     // The middle of the step stands for its loss.
                     current_a = left_a / (1.0 + 0.5 * decay / STEPS as f64);
@@ -398,14 +432,17 @@ mod tests {
             duty in prop_oneof![-0.95f64..-0.02, 0.02f64..0.95],
             emf_v in -9.0f64..9.0,
             drop_v in 0.05f64..3.0,
+            return_v in 0.05f64..3.0,
             coasts: bool,
             decay in prop_oneof![Just(0.0), STRAIGHT..5.0],
         ) {
             let off_drop_v = if coasts { SUPPLY_V + 2.0 } else { drop_v };
-            let volts = Volts { mean_v: duty * SUPPLY_V, emf_v, lost_v: 0.0, drops_v: [drop_v, off_drop_v] };
+            let drops = Drops { pulse_v: drop_v, return_v, off_v: off_drop_v };
+            let volts = Volts { mean_v: duty * SUPPLY_V, emf_v, lost_v: 0.0, drops };
             let ripple = Ripple::new(INDUCTANCE_H, decay * INDUCTANCE_H * PWM_HZ, PWM_HZ).with_duty(duty);
-            let swing = ripple.swing(&volts);
-            let (found_a, swing_a) = (ripple.settled_a(&volts), swing.low_a + swing.high_a);
+            let found_a = ripple.settled_a(&volts);
+            let swing = ripple.swing(&volts, if duty * found_a < 0.0 { Way::Against } else { Way::With });
+            let swing_a = swing.low_a + swing.high_a;
             match switched_a(duty, decay, &volts) {
                 None => prop_assert!(found_a.abs() > 0.49 * swing_a, "{found_a} A of {swing_a} A"),
                 Some(period) if period.iter().all(|current_a| *current_a != 0.0) && is_of_one_sign(&period) => {

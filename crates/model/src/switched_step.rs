@@ -43,9 +43,9 @@ impl SwitchedStep {
     /// Current and speed at the end of the step, at this voltage of the bridge.
     pub fn take(&self, current_a: f64, speed: f64, voltage_v: f64, terms: &Balance) -> Reached {
         let k = self.torque_constant_nm_per_a;
-        let drop_v = terms.ripple.mean_drop_v(terms.drops_v());
+        let drops_v = terms.ripple.mean_drops_v(terms.drops());
         let resistance_ohm = (self.resistance_ohm + terms.resistance_ohm).max(LEAST_RESISTANCE * self.resistance_ohm);
-        let winding = Winding { resistance_ohm, time_s: self.inductance_h / resistance_ohm, drop_v };
+        let winding = Winding { resistance_ohm, time_s: self.inductance_h / resistance_ohm, drops_v };
         let mut reached = Reached { current_a, speed_rad_per_s: speed, mean_a: current_a };
         for _ in 0..ROUNDS {
             let emf_v = 0.5 * k * (speed + reached.speed_rad_per_s);
@@ -64,7 +64,8 @@ struct Winding {
     resistance_ohm: f64,
     /// Its time constant.
     time_s: f64,
-    drop_v: f64,
+    /// Of a positive and of a negative current.
+    drops_v: [f64; 2],
 }
 
 impl Winding {
@@ -73,7 +74,8 @@ impl Winding {
         if from_a == 0.0 {
             return self.rise(driving_v, length_s);
         }
-        let towards_a = (driving_v - from_a.signum() * self.drop_v) / self.resistance_ohm;
+        let lost_v = if from_a > 0.0 { self.drops_v[0] } else { -self.drops_v[1] };
+        let towards_a = (driving_v - lost_v) / self.resistance_ohm;
         let decay = (-length_s / self.time_s).exp();
         let end_a = towards_a + (from_a - towards_a) * decay;
         if end_a * from_a >= 0.0 {
@@ -86,7 +88,9 @@ impl Winding {
 
     /// The same from zero.
     fn rise(&self, driving_v: f64, length_s: f64) -> (f64, f64) {
-        let towards_a = driving_v.signum() * (driving_v.abs() - self.drop_v).max(0.0) / self.resistance_ohm;
+        let [forward_v, backward_v] = self.drops_v;
+        let left_v = (driving_v - forward_v).max(0.0) + (driving_v + backward_v).min(0.0);
+        let towards_a = left_v / self.resistance_ohm;
         let risen = -(-length_s / self.time_s).exp_m1();
         (towards_a * risen, towards_a * (length_s - self.time_s * risen))
     }

@@ -194,6 +194,45 @@ mod tests {
         }
     }
 
+    /// Two recordings of one rig: in one of them hardly anything moves.
+    #[test]
+    fn one_recording_tells_of_the_others() {
+        for (span, still_first) in (2..20).flat_map(|span| [(span, false), (span, true)]) {
+            let counts_per_rev = 400.0;
+            let speed = difference(&counted_rad(counts_per_rev), &time_s(), Window::up_to_now(span));
+            let csv = |rows: usize| {
+                let mut text = String::from("t_s,u_V,omega_rad_per_s\n");
+                for (row, speed) in speed.iter().take(rows).enumerate() {
+                    let speed = if speed.is_finite() { *speed } else { 0.0 };
+                    let _ = writeln!(
+                        text,
+                        "{:.4},{},{speed:.4}",
+                        row as f64 * INTERVAL_S,
+                        5.0 * (row as f64 / 300.0).sin()
+                    );
+                }
+                Recording::parse("run.csv", text.as_bytes(), &[]).unwrap()
+            };
+            let mut recordings = [csv(90), csv(ROWS)];
+            if !still_first {
+                recordings.reverse();
+            }
+            let rig = Rig::parse("rig.toml", "[supply]\nvoltage_V = 12.0\n[encoder]\ncounts_per_rev = 400\n").unwrap();
+            let data = Dataset::new(&recordings, &rig).unwrap();
+            let centred = data.with_window_centred().unwrap();
+            // Whichever is first, the rig file has not said it.
+            assert!(
+                data.notes().iter().any(|note| note.starts_with("The speed is compared as a difference of counts"))
+            );
+            for (data, ahead) in [(data, 0), (centred, span / 2)] {
+                assert_eq!(data.motion().output, Output::MeanSpeed);
+                let window = Window { span, ahead };
+                assert!(data.stretches.iter().all(|stretch| stretch.window == window));
+                assert!(data.stretches.iter().all(|stretch| data.angle_rad[stretch.rows.start] == 0.0));
+            }
+        }
+    }
+
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(200))]
         /// Whatever the encoder and the window, printed with four digits; and the angle comes back to a count.
@@ -227,36 +266,6 @@ mod tests {
             let speed = difference(&counted_rad(counts_per_rev), &time_s, window);
             let found = of_counts(&speed, &time_s, INTERVAL_S, counts_per_rev);
             prop_assert_eq!(found, Some(Found { span, ahead: Some(window.ahead) }));
-        }
-
-        /// Two recordings of one rig: in one of them hardly anything moves.
-        #[test]
-        fn one_recording_tells_of_the_others(span in 2_usize..20, still_first: bool) {
-            let counts_per_rev = 400.0;
-            let speed = difference(&counted_rad(counts_per_rev), &time_s(), Window::up_to_now(span));
-            let csv = |rows: usize| {
-                let mut text = String::from("t_s,u_V,omega_rad_per_s\n");
-                for (row, speed) in speed.iter().take(rows).enumerate() {
-                    let speed = if speed.is_finite() { *speed } else { 0.0 };
-                    let _ = writeln!(text, "{:.4},{},{speed:.4}", row as f64 * INTERVAL_S, 5.0 * (row as f64 / 300.0).sin());
-                }
-                Recording::parse("run.csv", text.as_bytes(), &[]).unwrap()
-            };
-            let mut recordings = [csv(90), csv(ROWS)];
-            if !still_first {
-                recordings.reverse();
-            }
-            let rig = Rig::parse("rig.toml", "[supply]\nvoltage_V = 12.0\n[encoder]\ncounts_per_rev = 400\n").unwrap();
-            let data = Dataset::new(&recordings, &rig).unwrap();
-            let centred = data.with_window_centred().unwrap();
-            // Whichever is first, the rig file has not said it.
-            prop_assert!(data.notes().iter().any(|note| note.starts_with("The speed is compared as a difference of counts")));
-            for (data, ahead) in [(data, 0), (centred, span / 2)] {
-                prop_assert_eq!(data.motion().output, Output::MeanSpeed);
-                let window = Window { span, ahead };
-                prop_assert!(data.stretches.iter().all(|stretch| stretch.window == window));
-                prop_assert!(data.stretches.iter().all(|stretch| data.angle_rad[stretch.rows.start] == 0.0));
-            }
         }
 
         /// A speed timed by edges, or of a tachogenerator, is none.

@@ -37,7 +37,9 @@ mod unseen_losses;
 
 use crate::dataset::{Dataset, DatasetError, Measured, greatest};
 use crate::free_run::{Prediction, free_run};
-use crate::identify::{Fit, Interval, Prior, Uncertainty, Z95};
+use crate::identify::{
+    Fit, Interval, Prior, Uncertainty, Z95, has_unknown_voltage_scale, lateness_s, uniform_deviation,
+};
 use causes::{
     bridge_ohm, cause, is_between_rows, is_of_the_reading, is_order_of_rows, parameters, waits_for_the_pwm,
     wrong_values,
@@ -230,16 +232,20 @@ impl Corrections {
 }
 
 /// A bridge that drops another voltage in the off phase of its PWM than in the pulse acts as another supply. Nothing in a
-/// recording tells the two apart.
+/// recording tells the two apart. Where the model has such drops, its own constants know that.
 fn off_phase_spread(data: &Dataset, model: &Model) -> f64 {
+    if has_unknown_voltage_scale(model, data) {
+        return 0.0;
+    }
     DROP_DIFFERENCE * model.dry_losses().bridge_drop_v / greatest(&data.supply_v).max(f64::MIN_POSITIVE)
 }
 
 /// Relative uncertainty of the inductance if the current is sampled anywhere in a PWM period, or if the command acts
-/// anywhere in the first half of its row: an unknown delay acts as more inductance.
+/// anywhere in the first half of its row: an unknown delay acts as more inductance. Without a current, the speed alone shows
+/// the inductance, and may be read anywhere in its row.
 fn timing_uncertainty(data: &Dataset, model: &Model) -> f64 {
     if data.current().is_none() {
-        return 0.0;
+        return lateness_s(data) / TimeConstants::of(&model.motor).electromagnetic_s;
     }
     let timing = &data.origin.timing;
     let period_s = (1.0 / data.origin.pwm_hz).min(data.interval_s);
@@ -253,8 +259,8 @@ fn timing_uncertainty(data: &Dataset, model: &Model) -> f64 {
     let shows_slopes = data.is_switched() && data.reads_instants();
     let is_delay_known = timing.command_delay_s.is_some() || shows_slopes;
     let command_s = if is_delay_known { 0.0 } else { 0.5 * data.interval_s };
-    // Standard deviations of uniform distributions.
-    sampling_s.hypot(command_s).hypot(waiting_s) / 12.0_f64.sqrt() / TimeConstants::of(&model.motor).electromagnetic_s
+    let lateness_s = uniform_deviation(sampling_s.hypot(command_s).hypot(waiting_s));
+    lateness_s / TimeConstants::of(&model.motor).electromagnetic_s
 }
 
 /// Measured minus simulated, per quantity.

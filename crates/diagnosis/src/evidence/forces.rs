@@ -204,7 +204,8 @@ impl<'a> Losses<'a> {
         let (speed, current_a) = (at.speed_rad_per_s, at.current_a);
         let dry_nm = if speed > 0.0 { -sum.dry_forward_nm } else { sum.dry_backward_nm };
         let share = if sum.drops_with_the_mean() { (current_a.abs() / sum.knee_a).tanh() } else { 1.0 };
-        let drop_v = share * sum.ripple.mean_drop_v(sum.drops_v()) * current_a.signum();
+        let [forward_v, backward_v] = sum.ripple.mean_drops_v(sum.drops());
+        let drop_v = share * if current_a < 0.0 { -backward_v } else { forward_v };
         Force {
             torque_nm: sum.torque_nm - sum.viscous_nm_s * speed + dry_nm,
             voltage_v: sum.voltage_v - sum.resistance_ohm * current_a - drop_v,

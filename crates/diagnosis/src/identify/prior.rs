@@ -14,6 +14,8 @@ const GUESS_SPREAD: f64 = 1.5;
 const SCALE_SPREAD: f64 = 2.5;
 /// A nominal viscous friction is little more than an order of magnitude.
 const FRICTION_SPREAD: f64 = 1.0;
+/// The same without a nominal value: a small motor loses up to some twentieths of its voltage to it.
+const UNKNOWN_FRICTION_SPREAD: f64 = 5.0;
 /// Standard deviation of a bridge's drop that the rig file gives.
 pub const GIVEN_DROP_SPREAD_V: f64 = 0.3;
 /// Electromechanical and electromagnetic time constant of a small motor, for a start without nominal values.
@@ -30,6 +32,18 @@ pub struct Prior {
     pub nominal: NominalMotor,
     /// The bridge's drop by the rig file, where the data can show one.
     pub bridge_drop_v: Option<f64>,
+}
+
+/// How late a speed is read after its command: one standard deviation of what the rows leave open.
+pub fn lateness_s(data: &Dataset) -> f64 {
+    // A command may act anywhere in the first half of its row.
+    let command_s = if data.origin.timing.command_delay_s.is_some() { 0.0 } else { 0.5 * data.interval_s };
+    uniform_deviation(command_s.hypot(data.interval_s))
+}
+
+/// Standard deviation of a uniform distribution over this width.
+pub fn uniform_deviation(width: f64) -> f64 {
+    width / 12.0_f64.sqrt()
 }
 
 impl Prior {
@@ -60,12 +74,17 @@ impl Prior {
         let is_scale_known = peak_a.is_some() || nominal.resistance_ohm.is_some();
         let of_scale = if is_scale_known { 0.0 } else { SCALE_SPREAD };
         let scaled = |given: Option<f64>| spread(given).hypot(if given.is_some() { 0.0 } else { of_scale });
-        let friction = if nominal.viscous_friction_nm_s.is_some() { FRICTION_SPREAD } else { 10.0 };
+        let friction = if nominal.viscous_friction_nm_s.is_some() { FRICTION_SPREAD } else { UNKNOWN_FRICTION_SPREAD };
+        // Without a current the inductance shows as a lateness of the speed, and the rows leave that open.
+        let of_lateness = match peak_a {
+            Some(_) => 0.0,
+            None => lateness_s(data) * motor.resistance_ohm / motor.inductance_h,
+        };
         Self {
             motor,
             spread: [
                 scaled(nominal.resistance_ohm),
-                scaled(nominal.inductance_h),
+                scaled(nominal.inductance_h).hypot(of_lateness),
                 spread(nominal.torque_constant_nm_per_a),
                 scaled(nominal.inertia_kg_m2),
                 friction * motor.viscous_friction_nm_s.max(0.005 * k * k / r),

@@ -3,9 +3,10 @@
 //! only a look, it ends on simulated ones.
 
 use super::sensitivities::Sensitivities;
+use super::unknown_scale::UnknownScale;
 use super::unknowns::{Unknown, prior_cost, unknowns};
-use super::{Effort, Fit, Prior, square, torque_scale, weighted_residual};
-use crate::free_run::{Prediction, Replay};
+use super::{Effort, Fit, Prior, square, weighted_residual};
+use crate::free_run::{Prediction, Replay, Steps, read};
 use motorbench_model::Model;
 use nalgebra::DVector;
 use std::sync::OnceLock;
@@ -21,7 +22,10 @@ const FAR: f64 = 0.8;
 pub(super) struct Search<'a> {
     replay: &'a Replay<'a>,
     unknowns: Vec<Unknown>,
+    /// What the data cannot say.
+    scale: Option<UnknownScale>,
     at: Point,
+    effort: Effort,
     damping: f64,
     is_given_up: bool,
 }
@@ -41,8 +45,8 @@ struct Known {
 }
 
 impl Point {
-    fn new(model: Model, replay: &Replay, unknowns: &[Unknown]) -> Self {
-        let prediction = replay.free_run(&model);
+    fn new(model: Model, replay: &Replay, unknowns: &[Unknown], steps: Steps) -> Self {
+        let prediction = read(&model, replay.data, replay.drive(&model, steps));
         let residual = weighted_residual(replay.data, &prediction);
         let cost = square(&residual) + prior_cost(&model, unknowns);
         Self { model, prediction, residual, cost }
@@ -50,20 +54,25 @@ impl Point {
 }
 
 impl<'a> Search<'a> {
-    pub fn new(start: &Model, replay: &'a Replay<'a>, prior: &Prior) -> Self {
+    pub fn new(start: &Model, replay: &'a Replay<'a>, prior: &Prior, effort: Effort) -> Self {
         let mut model = start.clone().with_prior_means();
         let unknowns = unknowns(&model, replay.data, prior);
         for unknown in &unknowns {
             let coordinate = unknown.get(&model);
             unknown.set(&mut model, coordinate);
         }
-        Self { replay, at: Point::new(model, replay, &unknowns), unknowns, damping: 1e-3, is_given_up: false }
+        let scale = UnknownScale::of(&model, replay.data);
+        let at = Point::new(model, replay, &unknowns, effort.points());
+        Self { replay, at, unknowns, scale, effort, damping: 1e-3, is_given_up: false }
     }
 
-    pub fn run(mut self, effort: Effort) -> Fit {
+    pub fn run(mut self) -> Fit {
+        let effort = self.effort;
         self.settle();
         let sensitivities = if effort.steps > 0 { self.descend(effort) } else { None };
-        let Point { model, prediction, residual, cost } = self.at;
+        let is_fine = effort.points() == Steps::Fine;
+        let at = if is_fine { self.at } else { Point::new(self.at.model, self.replay, &self.unknowns, Steps::Fine) };
+        let Point { model, prediction, residual, cost } = at;
         Fit {
             model,
             prediction,
@@ -90,8 +99,6 @@ impl<'a> Search<'a> {
             ),
             is_simulated: true,
         };
-        // Without a scale of the torques, they leave out the change along it.
-        let corrects = !torque_scale::is_unknown(self.replay.data);
         let mut known = simulated(self);
         let mut gained_before = f64::INFINITY;
         let mut steps_left = effort.steps;
@@ -124,24 +131,25 @@ impl<'a> Search<'a> {
             if steps_left == 0 || self.is_given_up {
                 return None;
             }
-            if corrects && gained < FAR * before.cost {
-                known.correct(&self.moved(&before), &self.changed(&before));
+            if gained < FAR * before.cost {
+                let besides = self.scale.map(|scale| scale.direction(&before.model, &self.unknowns));
+                known.correct(&self.moved(&before), &self.changed(&before), besides.as_ref());
             } else {
                 known = simulated(self);
             }
         }
     }
 
-    /// Moves to the most plausible scale of all torques, where the data do not contain it.
+    /// Moves to the most plausible scale, where the data do not contain it.
     fn settle(&mut self) {
-        if torque_scale::is_unknown(self.replay.data) {
-            self.take_if_better(torque_scale::most_plausible(&self.at.model, &self.unknowns));
+        if let Some(scale) = self.scale {
+            self.take_if_better(scale.most_plausible(&self.at.model, &self.unknowns));
         }
     }
 
     /// Moves to a model if it costs less than the present one; returns the previous point.
     fn take_if_better(&mut self, model: Model) -> Option<Point> {
-        let there = Point::new(model, self.replay, &self.unknowns);
+        let there = Point::new(model, self.replay, &self.unknowns, self.effort.points());
         (there.cost < self.at.cost).then(|| std::mem::replace(&mut self.at, there))
     }
 
@@ -181,8 +189,9 @@ impl<'a> Search<'a> {
     }
 
     /// By how much each coordinate has moved.
-    fn moved(&self, before: &Point) -> Vec<f64> {
-        self.unknowns.iter().map(|unknown| unknown.get(&self.at.model) - unknown.get(&before.model)).collect()
+    fn moved(&self, before: &Point) -> DVector<f64> {
+        let moved = self.unknowns.iter().map(|unknown| unknown.get(&self.at.model) - unknown.get(&before.model));
+        DVector::from_iterator(self.unknowns.len(), moved)
     }
 
     fn changed(&self, before: &Point) -> Vec<f64> {
@@ -191,8 +200,8 @@ impl<'a> Search<'a> {
 }
 
 impl Known {
-    fn correct(&mut self, moved: &[f64], changed: &[f64]) {
-        self.sensitivities.correct(moved, changed);
+    fn correct(&mut self, moved: &DVector<f64>, changed: &[f64], besides: Option<&DVector<f64>>) {
+        self.sensitivities.correct(moved, changed, besides);
         self.is_simulated = false;
     }
 }

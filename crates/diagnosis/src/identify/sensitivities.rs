@@ -1,6 +1,7 @@
 //! Sensitivities of the weighted residual to the numbers that a fit moves.
 
-use super::{Unknown, dot, torque_scale, weighted_residual};
+use super::unknown_scale::UnknownScale;
+use super::{Unknown, dot, weighted_residual};
 use crate::free_run::{Motion, Prediction, Replay, Steps, nudged, read};
 use maybe_rayon::prelude::*;
 use motorbench_model::Model;
@@ -91,25 +92,29 @@ impl Sensitivities {
                 column
             })
             .collect();
-        if torque_scale::is_unknown(data) {
-            torque_scale::take_out(&mut columns, unknowns, model);
+        if let Some(scale) = UnknownScale::of(model, data) {
+            scale.take_out(&mut columns, unknowns, model);
         }
         let normal = normal(&columns, unknowns);
         Self { columns, normal }
     }
 
     /// Corrects them after a step that moved the unknowns by `moved` and the residuals by `changed`. They match this
-    /// change in its direction and stay as they were across it (Broyden's rule). The prior stays in the normal matrix.
-    pub fn correct(&mut self, moved: &[f64], changed: &[f64]) {
-        let length: f64 = moved.iter().map(|moved| moved * moved).sum();
-        if length == 0.0 {
+    /// change in its direction and stay as they were across it (Broyden's rule), and along the direction `besides` that
+    /// changes no residual. The prior stays in the normal matrix.
+    pub fn correct(&mut self, moved: &DVector<f64>, changed: &[f64], besides: Option<&DVector<f64>>) {
+        let seen = match besides {
+            Some(besides) => moved - besides * (besides.dot(moved) / besides.norm_squared().max(f64::MIN_POSITIVE)),
+            None => moved.clone(),
+        };
+        if seen.norm_squared() == 0.0 {
             return;
         }
         let mut missed = changed.to_vec();
         for (column, moved) in self.columns.iter().zip(moved) {
             missed.iter_mut().zip(column).for_each(|(missed, column)| *missed -= moved * column);
         }
-        let shares = DVector::from_iterator(moved.len(), moved.iter().map(|moved| moved / length));
+        let shares = &seen / seen.norm_squared();
         let along = DVector::from_iterator(moved.len(), self.columns.iter().map(|column| dot(column, &missed)));
         let across = &along * shares.transpose();
         self.normal += &across + across.transpose() + &shares * shares.transpose() * dot(&missed, &missed);

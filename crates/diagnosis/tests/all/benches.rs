@@ -15,6 +15,13 @@ pub fn in_the_suite<Bench, const COUNT: usize>(benches: [Bench; COUNT]) -> impl 
     benches.into_iter().take(if all_are_asked_for() { COUNT } else { 1 })
 }
 
+/// Of many benches a third, another one in each run. All together are right: a run tells which third it took.
+pub fn a_third_in_turn<Bench>(benches: impl Iterator<Item = Bench>) -> impl Iterator<Item = Bench> {
+    let (skipped, step) = if all_are_asked_for() { (0, 1) } else { (crate::fresh_seed() as usize % 3, 3) };
+    println!("every third bench from number {skipped} on");
+    benches.skip(skipped).step_by(step)
+}
+
 /// Half as long as usual: where the length is not what is tested.
 pub fn short(recipe: Recipe) -> Recipe {
     Recipe { duration_s: 10.0, ..recipe }

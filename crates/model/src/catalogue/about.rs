@@ -189,6 +189,8 @@ pub struct About {
     pub is_of_switching: bool,
     /// Whether all it does to the voltage is to change the resistance within seconds.
     pub is_slow_resistance: bool,
+    /// Whether it compares the supply with other voltages. Then it tells their scale.
+    pub tells_scale_of_voltages: bool,
 }
 
 impl About {
@@ -220,6 +222,7 @@ impl About {
         changes_everything: false,
         is_of_switching: false,
         is_slow_resistance: false,
+        tells_scale_of_voltages: false,
     };
 
     /// The groups of its constants that say how strong it is; see the field.

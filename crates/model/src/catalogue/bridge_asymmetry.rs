@@ -20,6 +20,7 @@ static ABOUT: About = About {
     remedy: "The bridge's other channel, or another bridge; until then a command scaled up the weaker way",
     source: "Texas Instruments, L293D data sheet (saturation voltages and propagation delays that differ between the two ways)",
     shown: Shown::new(Strength::Voltage, Coordinate::Voltage),
+    tells_scale_of_voltages: true,
     ..About::DEFAULT
 };
 

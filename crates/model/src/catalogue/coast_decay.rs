@@ -37,6 +37,7 @@ static ABOUT: About = About {
     // A drop takes voltage from the pulse. With another motor that looks like more voltage in the off phase.
     held_beside: Some("voltage_drop"),
     shown: Shown::new(Strength::Voltage, Coordinate::Duty),
+    tells_scale_of_voltages: true,
     ..About::DEFAULT
 };
 

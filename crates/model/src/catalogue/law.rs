@@ -11,7 +11,7 @@
 use super::About;
 use crate::between_rows::Bulge;
 use crate::motor::MotorParameters;
-use crate::pwm_period::Ripple;
+use crate::pwm_period::{Drops, Ripple};
 
 /// How a bridge leaves the motor between pulses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -88,6 +88,8 @@ pub struct Balance {
     pub knee_a: f64,
     /// By how much it is greater in the off phase of the PWM.
     pub off_excess_v: f64,
+    /// By how much it is greater for a current that flows back into the supply in a pulse.
+    pub return_excess_v: f64,
     /// Torque that drives the shaft, in newton metres.
     pub torque_nm: f64,
     /// Friction proportional to speed.
@@ -99,11 +101,12 @@ pub struct Balance {
 }
 
 impl Balance {
-    /// What is lost in a pulse of the PWM and in its off phase, in volts.
+    /// What is lost in the parts of a period of the PWM.
     #[inline]
-    pub fn drops_v(&self) -> [f64; 2] {
+    pub fn drops(&self) -> Drops {
         let pulse_v = self.dry_drop_v.max(0.0);
-        [pulse_v, (pulse_v + self.off_excess_v).max(0.0)]
+        let more = |excess_v: f64| (pulse_v + excess_v).max(0.0);
+        Drops { pulse_v, return_v: more(self.return_excess_v), off_v: more(self.off_excess_v) }
     }
 
     /// Whether the drop acts on the mean current. A coasting off phase is one within each period.
@@ -268,6 +271,12 @@ pub trait Law: Sync {
     /// event to event includes these.
     fn is_dry_losses_alone(&self, _values: &[f64]) -> bool {
         false
+    }
+
+    /// Its constants with every voltage but the supply's `factor` times as great, where they can make up for that. The
+    /// constants of other effects that act on the voltage go with the powers of their units.
+    fn with_scaled_voltages(&self, _values: &[f64], _supply_v: f64, _factor: f64) -> Option<Vec<f64>> {
+        None
     }
 
     /// Rate at which the measured angle falls behind the shaft's for good.

@@ -2,7 +2,8 @@
 //!
 //! In a switched bridge the drop acts at every moment. A current that swings through zero within a PWM period loses it in both
 //! directions. Behind a filter, in a linear amplifier or in a program's averages, the drop follows the mean current and comes
-//! up over a knee. In the off phase a bridge may drop more than in the pulse, or less, and have another slope.
+//! up over a knee. In the off phase a bridge may drop more than in the pulse, or less, and have another slope. A current that
+//! flows back into the supply takes its diodes, with a drop of their own.
 
 use super::{
     About, ActsOn, Balance, Channels, Coordinate, DryLosses, Instant, Law, Parameter, Scales, Search, Shown, Strength,
@@ -16,16 +17,20 @@ const KNEES: [f64; 3] = [0.0, 5e-4, 1e-2];
 /// The widest knee of a drop, as a share of the greatest current.
 const WIDEST_KNEE: f64 = 0.3;
 
-/// Two transistors conduct in the pulse, a transistor and a diode in the off phase. The difference is known to 0.3 V
-/// beforehand, and is at most that of two junctions.
-const OFF_PHASE_SPREAD_V: f64 = 0.3;
+/// Two transistors conduct in the pulse, a transistor and a diode in the off phase. That drops 0 to 0.6 V less (ST L293D and
+/// L298 data sheets), and differs at most by two junctions.
+const OFF_PHASE_V: (f64, f64) = (-0.3, 0.3);
 const MOST_OFF_PHASE_V: f64 = 1.2;
+/// Two diodes conduct back into the supply. Such a current is short and small, where a junction drops anything: little is
+/// known beforehand. With a drop as in the pulse, the way back would decide on the scale of the whole supply.
+const RETURN_V: (f64, f64) = (0.0, 2.0);
+const MOST_RETURN_V: f64 = 6.0;
 /// A saturated transistor of such bridges adds about half an ohm, a diode a tenth (ST L293D and L298 data sheets).
 const OFF_PHASE_SPREAD_OHM: f64 = 0.5;
 const MOST_OFF_PHASE_OHM: f64 = 1.5;
-/// Starts: how much more the off phase drops, as a share of the drop, and how many ohms it adds. One is so small that the
-/// other constants still fit, the other is that of a Darlington bridge.
-const OFF_PHASES: [[f64; 2]; 2] = [[-0.01, 0.01], [-0.2, 0.5]];
+/// Starts: how much more the off phase drops, as a share of the drop, how many ohms it adds, and how much more is lost on the
+/// way back. One is so small that the other constants still fit, the other is that of a Darlington bridge.
+const OTHER_PATHS: [[f64; 3]; 2] = [[-0.01, 0.01, -0.01], [-0.2, 0.5, -0.1]];
 
 /// See the module.
 pub struct VoltageDrop;
@@ -38,7 +43,7 @@ static ABOUT: About = About {
         Parameter::positive("drop_V", Unit::Volt),
         Parameter::of_another_law("knee_A", Unit::Ampere, f64::INFINITY),
         Parameter {
-            known: Some((0.0, OFF_PHASE_SPREAD_V)),
+            known: Some(OFF_PHASE_V),
             min: -MOST_OFF_PHASE_V,
             ..Parameter::of_another_law("off_phase_V", Unit::Volt, MOST_OFF_PHASE_V)
         },
@@ -46,6 +51,11 @@ static ABOUT: About = About {
             known: Some((0.0, OFF_PHASE_SPREAD_OHM)),
             min: -MOST_OFF_PHASE_OHM,
             ..Parameter::of_another_law("off_phase_ohm", Unit::Ohm, MOST_OFF_PHASE_OHM)
+        },
+        Parameter {
+            known: Some(RETURN_V),
+            min: -MOST_RETURN_V,
+            ..Parameter::of_another_law("return_V", Unit::Volt, MOST_RETURN_V)
         },
     ],
     linear_in: 1,
@@ -68,9 +78,21 @@ impl Law for VoltageDrop {
         DryLosses { bridge_drop_v: values[0], ..DryLosses::default() }
     }
 
+    /// Three drops, one on each way of the current, can leave any multiple of the supply.
+    fn with_scaled_voltages(&self, values: &[f64], supply_v: f64, factor: f64) -> Option<Vec<f64>> {
+        let &[pulse_v, knee_a, off_excess_v, off_ohm, return_excess_v] = values else { return None };
+        if knee_a != 0.0 || off_excess_v == 0.0 || return_excess_v == 0.0 {
+            return None;
+        }
+        let scaled_v = supply_v - factor * (supply_v - pulse_v);
+        let off_v = factor * (pulse_v + off_excess_v);
+        let return_v = factor * (supply_v + pulse_v + return_excess_v) - supply_v;
+        Some(vec![scaled_v, 0.0, off_v - scaled_v, factor * off_ohm, return_v - scaled_v])
+    }
+
     /// A drop that follows the mean current is not that of a switched bridge.
     fn is_dry_losses_alone(&self, values: &[f64]) -> bool {
-        values[1..] == [0.0, 0.0, 0.0]
+        values[1..] == [0.0; 4]
     }
 
     fn contribute(
@@ -84,6 +106,7 @@ impl Law for VoltageDrop {
         balance.dry_drop_v += values[0];
         balance.knee_a = balance.knee_a.max(values[1]);
         balance.off_excess_v += values[2];
+        balance.return_excess_v += values[4];
         balance.resistance_ohm += values[3] * (1.0 - at.duty.abs());
     }
 }
@@ -101,7 +124,7 @@ impl Search for VoltageDrop {
     /// A friction takes the voltage that its torque needs.
     fn takes_over(&self, rival: &str, values: &[f64], Scales { motor, .. }: &Scales) -> Option<Vec<f64>> {
         let drop_v = values[0] * motor.resistance_ohm / motor.torque_constant_nm_per_a;
-        (rival == "coulomb_friction").then(|| vec![drop_v, 0.0, 0.0, 0.0])
+        (rival == "coulomb_friction").then(|| vec![drop_v, 0.0, 0.0, 0.0, 0.0])
     }
 
     fn other_laws(&self, values: &[f64], scales: &Scales) -> Vec<Vec<f64>> {
@@ -111,10 +134,13 @@ impl Search for VoltageDrop {
         laws
     }
 
-    /// A drop at every moment, and another one with another slope in the off phase.
+    /// A drop at every moment, another one with another slope in the off phase, and another one on the way back.
     fn refined_laws(&self, values: &[f64], _scales: &Scales) -> Vec<Vec<f64>> {
-        match values[1..] == [0.0; 3] {
-            true => OFF_PHASES.map(|[share, ohm]| vec![values[0], 0.0, share * values[0], ohm]).to_vec(),
+        let with = |[off_share, off_ohm, return_share]: [f64; 3]| {
+            vec![values[0], 0.0, off_share * values[0], off_ohm, return_share * values[0]]
+        };
+        match values[1..] == [0.0; 4] {
+            true => OTHER_PATHS.map(with).to_vec(),
             false => Vec::new(),
         }
     }
@@ -126,5 +152,5 @@ impl Search for VoltageDrop {
 }
 
 fn laws(drop_v: f64, scales: &Scales) -> Vec<Vec<f64>> {
-    KNEES.map(|share| vec![drop_v, share * scales.current_a, 0.0, 0.0]).to_vec()
+    KNEES.map(|share| vec![drop_v, share * scales.current_a, 0.0, 0.0, 0.0]).to_vec()
 }

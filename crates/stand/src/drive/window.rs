@@ -9,7 +9,7 @@ use motorbench_data::rig::Timing;
 use motorbench_data::telemetry;
 use motorbench_link::board::Board;
 use motorbench_link::record::Ended;
-use motorbench_model::pwm_period::{Ripple, Volts};
+use motorbench_model::pwm_period::{Drops, Ripple, Volts};
 use std::f64::consts::TAU;
 
 /// Two windows agree if they differ by less than this share, besides their scatter.
@@ -112,7 +112,7 @@ impl<B: Board, P: Operator> Driver<'_, B, P> {
         let resistance_ohm = self.motor.resistance_ohm.unwrap_or(0.0);
         match (self.motor.inductance_h, Timing::FIRMWARE.current_sampled_at) {
             (Some(inductance_h), Some(at)) if self.settings.get(Param::Wiring) == 0.0 && duty != 0.0 => {
-                let volts = Volts { mean_v: voltage_v, emf_v: 0.0, lost_v: 0.0, drops_v: [0.0, 0.0] };
+                let volts = Volts { mean_v: voltage_v, emf_v: 0.0, lost_v: 0.0, drops: Drops::default() };
                 Ripple::new(inductance_h, resistance_ohm, f64::from(HARDWARE.pwm_hz))
                     .with_duty(duty)
                     .sampled_a(0.0, at, &volts)

@@ -7,8 +7,10 @@ use maybe_rayon::prelude::*;
 use motorbench_model::catalogue::{ActsOn, CATALOGUE, Effect, Scales, USUAL};
 use motorbench_model::{Model, Term};
 
-/// Number of candidates fitted at each step, the most promising ones.
+/// Number of candidates fitted at each step, the most promising ones, and those that promise nearly as much as the best: a
+/// promise is of the first order.
 const TRIED: usize = 4;
+const NEARLY_AS_PROMISING: f64 = 0.7;
 /// At each step only effects that promise this share of the best one's promise are fitted.
 const TRIED_SHARE: f64 = 0.2;
 /// While a rest remains, this many effects are added without evidence: two that hide each other show it only together.
@@ -73,8 +75,9 @@ impl Chooser<'_> {
     /// Fits with one more effect, of the most promising ones, the best first.
     fn candidates(&self, current: &Fit, is_linear_fit: bool) -> Vec<Fit> {
         let mut promises = self.promises(current);
-        promises.truncate(TRIED);
         let best = promises.first().map_or(0.0, |promise| promise.gain);
+        let nearly = promises.iter().take_while(|promise| promise.gain > NEARLY_AS_PROMISING * best).count();
+        promises.truncate(nearly.max(TRIED));
         promises.retain(|promise| promise.gain > TRIED_SHARE * best);
         (self.progress)(&format!("{} effects, trying {}", current.model.terms.len(), promises.len()));
         let tried = self.try_all(&current.model, &promises, Effort::TRIAL.useless_above(current.cost));
