@@ -93,11 +93,6 @@ impl Effort {
     /// Until convergence.
     pub const FULL: Self = Self { steps: 30, least_gain: 1e-5, sensitivities: Steps::Fine, ..Self::NONE };
 
-    /// Step size of the simulations on the way. A look is simulated finely where it ends.
-    fn points(self) -> Steps {
-        if self.is_a_look && self.steps > 0 { Steps::Coarse } else { Steps::Fine }
-    }
-
     /// The same for a fit that is useless above a cost.
     pub fn useless_above(self, cost: f64) -> Self {
         Self { useless_above: cost, ..self }
@@ -139,7 +134,7 @@ fn fit_in(replay: &Replay, start: &Model, prior: &Prior, effort: Effort) -> Fit 
         let (index, spacing) = effect.spacing(&scales)?;
         Some(located(start, replay, term, index, spacing))
     });
-    Search::new(located.as_ref().unwrap_or(start), replay, prior, effort).run()
+    Search::new(located.as_ref().unwrap_or(start), replay, prior).run(effort)
 }
 
 /// The model with the constant, within half a spacing, at which the sum of all squares is least, held-out data

@@ -430,13 +430,40 @@ fn output_json_and_exit_codes_are_those_of_the_page() {
     complaints.none();
 }
 
+/// Commands for boards behave as the others. Each part has a board of its own: most of the time they wait for it.
 #[cfg(feature = "chip")]
-#[test]
-fn commands_for_boards_behave_as_the_others() {
-    let board = crate::board::Board::new("terminal");
-    let (folder, mut complaints) = (files(), Complaints::default());
-    let port = board.port();
-    let before = ["--port", port.to_str().unwrap()];
-    WITH_A_BOARD.iter().for_each(|row| complaints.row(row, &before, folder.path()));
-    complaints.none();
+mod with_a_board {
+    use super::{Complaints, WITH_A_BOARD, files};
+
+    const PARTS: usize = 4;
+
+    fn behaves_as_the_others(part: usize) {
+        let board = crate::board::Board::new(&format!("terminal{part}"));
+        let (folder, mut complaints) = (files(), Complaints::default());
+        let port = board.port();
+        let before = ["--port", port.to_str().unwrap()];
+        let rows = WITH_A_BOARD.iter().skip(part).step_by(PARTS);
+        rows.for_each(|row| complaints.row(row, &before, folder.path()));
+        complaints.none();
+    }
+
+    #[test]
+    fn first_part() {
+        behaves_as_the_others(0);
+    }
+
+    #[test]
+    fn second_part() {
+        behaves_as_the_others(1);
+    }
+
+    #[test]
+    fn third_part() {
+        behaves_as_the_others(2);
+    }
+
+    #[test]
+    fn fourth_part() {
+        behaves_as_the_others(3);
+    }
 }

@@ -45,7 +45,7 @@ impl<'a> Fits<'a> {
         let answers = |end: &&End| end.given_up_above.is_none_or(|above| effort.useless_above <= above);
         let known = self.ends().get(&start).filter(answers).cloned();
         if let Some(end) = known {
-            return Search::new(&end.model, &self.replay, self.prior, Effort { steps: 0, ..effort }).run();
+            return Search::new(&end.model, &self.replay, self.prior).run(Effort { steps: 0, ..effort });
         }
         let found = fit_in(&self.replay, model, self.prior, effort);
         let given_up_above = found.is_given_up.then_some(effort.useless_above);

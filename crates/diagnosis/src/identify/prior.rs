@@ -14,7 +14,7 @@ const GUESS_SPREAD: f64 = 1.5;
 const SCALE_SPREAD: f64 = 2.5;
 /// A nominal viscous friction is little more than an order of magnitude.
 const FRICTION_SPREAD: f64 = 1.0;
-/// The same without a nominal value: a small motor loses up to some twentieths of its voltage to it.
+/// The same without a nominal value: viscous friction takes a tenth of a small motor's voltage at most.
 const UNKNOWN_FRICTION_SPREAD: f64 = 5.0;
 /// Standard deviation of a bridge's drop that the rig file gives.
 pub const GIVEN_DROP_SPREAD_V: f64 = 0.3;

@@ -6,7 +6,7 @@ use super::sensitivities::Sensitivities;
 use super::unknown_scale::UnknownScale;
 use super::unknowns::{Unknown, prior_cost, unknowns};
 use super::{Effort, Fit, Prior, square, weighted_residual};
-use crate::free_run::{Prediction, Replay, Steps, read};
+use crate::free_run::{Prediction, Replay};
 use motorbench_model::Model;
 use nalgebra::DVector;
 use std::sync::OnceLock;
@@ -25,7 +25,6 @@ pub(super) struct Search<'a> {
     /// What the data cannot say.
     scale: Option<UnknownScale>,
     at: Point,
-    effort: Effort,
     damping: f64,
     is_given_up: bool,
 }
@@ -45,8 +44,8 @@ struct Known {
 }
 
 impl Point {
-    fn new(model: Model, replay: &Replay, unknowns: &[Unknown], steps: Steps) -> Self {
-        let prediction = read(&model, replay.data, replay.drive(&model, steps));
+    fn new(model: Model, replay: &Replay, unknowns: &[Unknown]) -> Self {
+        let prediction = replay.free_run(&model);
         let residual = weighted_residual(replay.data, &prediction);
         let cost = square(&residual) + prior_cost(&model, unknowns);
         Self { model, prediction, residual, cost }
@@ -54,7 +53,7 @@ impl Point {
 }
 
 impl<'a> Search<'a> {
-    pub fn new(start: &Model, replay: &'a Replay<'a>, prior: &Prior, effort: Effort) -> Self {
+    pub fn new(start: &Model, replay: &'a Replay<'a>, prior: &Prior) -> Self {
         let mut model = start.clone().with_prior_means();
         let unknowns = unknowns(&model, replay.data, prior);
         for unknown in &unknowns {
@@ -62,17 +61,13 @@ impl<'a> Search<'a> {
             unknown.set(&mut model, coordinate);
         }
         let scale = UnknownScale::of(&model, replay.data);
-        let at = Point::new(model, replay, &unknowns, effort.points());
-        Self { replay, at, unknowns, scale, effort, damping: 1e-3, is_given_up: false }
+        Self { replay, at: Point::new(model, replay, &unknowns), unknowns, scale, damping: 1e-3, is_given_up: false }
     }
 
-    pub fn run(mut self) -> Fit {
-        let effort = self.effort;
+    pub fn run(mut self, effort: Effort) -> Fit {
         self.settle();
         let sensitivities = if effort.steps > 0 { self.descend(effort) } else { None };
-        let is_fine = effort.points() == Steps::Fine;
-        let at = if is_fine { self.at } else { Point::new(self.at.model, self.replay, &self.unknowns, Steps::Fine) };
-        let Point { model, prediction, residual, cost } = at;
+        let Point { model, prediction, residual, cost } = self.at;
         Fit {
             model,
             prediction,
@@ -149,7 +144,7 @@ impl<'a> Search<'a> {
 
     /// Moves to a model if it costs less than the present one; returns the previous point.
     fn take_if_better(&mut self, model: Model) -> Option<Point> {
-        let there = Point::new(model, self.replay, &self.unknowns, self.effort.points());
+        let there = Point::new(model, self.replay, &self.unknowns);
         (there.cost < self.at.cost).then(|| std::mem::replace(&mut self.at, there))
     }
 

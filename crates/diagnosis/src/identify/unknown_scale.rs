@@ -196,7 +196,7 @@ mod tests {
             let (time_s, swing) = (1e-3 * f64::from(sample), (0.02 * f64::from(sample)).sin());
             csv += &format!("{time_s},{:.4},{:.2},{:.3}\n", 0.8 * swing, 150.0 * swing, 0.4 * swing);
         }
-        let rig = Rig::parse("rig.toml", "[supply]\nvoltage_V = 12\n[bridge]\npwm_Hz = 3921.57\n").unwrap();
+        let rig = Rig::parse("rig.toml", "[supply]\nvoltage_V = 12\n[bridge]\npwm_Hz = 20000\n").unwrap();
         let data = Dataset::new(&[Recording::parse("run.csv", csv.as_bytes(), &[]).unwrap()], &rig).unwrap();
         let drop = effect("voltage_drop").unwrap();
         for effect in CATALOGUE.iter().filter(|effect| !effect.about().tells_scale_of_voltages) {
