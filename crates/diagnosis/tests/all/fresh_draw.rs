@@ -3,6 +3,7 @@
 use crate::benches::short;
 use crate::scoring::{diagnosed, hidden, named, recipe};
 use hidden_effects::draw;
+use rayon::prelude::*;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 /// Benches of these kinds in each run.
@@ -25,7 +26,7 @@ fn a_fresh_draw_clears_the_bound() {
     let drawn: Vec<(u64, &str)> = (first..).zip(drawn.chain(in_turn)).collect();
     let effects = drawn.iter().map(|(seed, kind)| recipe(kind, *seed).effects.len()).sum::<usize>();
     assert_eq!(effects, HIDDEN);
-    let right = drawn.iter().filter(|(seed, kind)| {
+    let right = drawn.par_iter().filter(|(seed, kind)| {
         let trial = draw(*seed, &short(recipe(kind, *seed)));
         let hidden = hidden(&trial);
         let named = named(&diagnosed(&trial).outcome, &hidden);

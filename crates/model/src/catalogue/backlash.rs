@@ -161,8 +161,12 @@ fn own_nm(motor: &MotorParameters, at: &Instant, balance: &Balance) -> f64 {
     let resistance_ohm = motor.resistance_ohm + balance.resistance_ohm;
     let emf_v = motor.torque_constant_nm_per_a * at.speed_rad_per_s;
     let driving_v = at.voltage_v + balance.voltage_v - emf_v - resistance_ohm * at.current_a;
-    let drop_v = balance.dry_drop_v.max(0.0);
-    let lost_v = if at.current_a == 0.0 { driving_v.clamp(-drop_v, drop_v) } else { drop_v.copysign(at.current_a) };
+    let [forward_v, backward_v] = balance.ripple.mean_drops_v(balance.drops());
+    let lost_v = match at.current_a {
+        0.0 => driving_v.clamp(-backward_v, forward_v),
+        current_a if current_a > 0.0 => forward_v,
+        _ => -backward_v,
+    };
     let half_steps = 0.5 * at.step_s * resistance_ohm / motor.inductance_h;
     // Mean of an exponential approach, by the approximation of Pade.
     let approached = if at.open { 0.0 } else { half_steps / (1.0 + half_steps) };
