@@ -31,13 +31,6 @@ pub struct Drops {
     pub off_v: f64,
 }
 
-impl Drops {
-    /// The same drop wherever the current flows.
-    pub fn everywhere(drop_v: f64) -> Self {
-        Self { pulse_v: drop_v, return_v: drop_v, off_v: drop_v }
-    }
-}
-
 /// Which way a current flows through the bridge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Way {
