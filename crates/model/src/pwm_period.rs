@@ -31,6 +31,12 @@ pub struct Drops {
     pub off_v: f64,
 }
 
+/// What works against a current, of what a positive and a negative one lose.
+#[inline]
+pub fn against(current_a: f64, [positive_v, negative_v]: [f64; 2]) -> f64 {
+    if current_a < 0.0 { -negative_v } else { positive_v }
+}
+
 /// Which way a current flows through the bridge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Way {

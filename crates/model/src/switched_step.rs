@@ -4,6 +4,7 @@
 use super::linear_step::{Reached, SAME_LENGTH_S, oppose_motion, speed_of_torque};
 use crate::catalogue::Balance;
 use crate::motor::MotorParameters;
+use crate::pwm_period::against;
 
 /// The back-EMF of a step is that of its mean speed, which depends on the current: found in so many rounds.
 const ROUNDS: usize = 2;
@@ -74,8 +75,7 @@ impl Winding {
         if from_a == 0.0 {
             return self.rise(driving_v, length_s);
         }
-        let lost_v = if from_a > 0.0 { self.drops_v[0] } else { -self.drops_v[1] };
-        let towards_a = (driving_v - lost_v) / self.resistance_ohm;
+        let towards_a = (driving_v - against(from_a, self.drops_v)) / self.resistance_ohm;
         let decay = (-length_s / self.time_s).exp();
         let end_a = towards_a + (from_a - towards_a) * decay;
         if end_a * from_a >= 0.0 {

@@ -5,7 +5,7 @@ use super::{Bin, Case};
 use crate::free_run::{nudged, read};
 use motorbench_model::catalogue::{Balance, Coordinate, Instant, Strength};
 use motorbench_model::motor::MotorParameters;
-use motorbench_model::pwm_period::Ripple;
+use motorbench_model::pwm_period::{Ripple, against};
 use motorbench_model::{Model, Term};
 use nalgebra::{DMatrix, DVector};
 
@@ -204,8 +204,7 @@ impl<'a> Losses<'a> {
         let (speed, current_a) = (at.speed_rad_per_s, at.current_a);
         let dry_nm = if speed > 0.0 { -sum.dry_forward_nm } else { sum.dry_backward_nm };
         let share = if sum.drops_with_the_mean() { (current_a.abs() / sum.knee_a).tanh() } else { 1.0 };
-        let [forward_v, backward_v] = sum.ripple.mean_drops_v(sum.drops());
-        let drop_v = share * if current_a < 0.0 { -backward_v } else { forward_v };
+        let drop_v = share * against(current_a, sum.ripple.mean_drops_v(sum.drops()));
         Force {
             torque_nm: sum.torque_nm - sum.viscous_nm_s * speed + dry_nm,
             voltage_v: sum.voltage_v - sum.resistance_ohm * current_a - drop_v,

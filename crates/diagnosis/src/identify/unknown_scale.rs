@@ -59,10 +59,12 @@ impl UnknownScale {
             return Some(Self::Torques);
         }
         let supply_v = *data.supply_v.first()?;
-        let is_constant = data.supply_v.iter().all(|other_v| *other_v == supply_v);
-        let has_drops = model.terms.iter().any(|term| scaled_term(term, supply_v, 1.0).is_some());
-        let is_told = model.terms.iter().any(|term| term.effect.about().tells_scale_of_voltages);
-        let is_unknown = data.axis.drive.is_voltage() && has_no_load(data) && is_constant && has_drops && !is_told;
+        // Few models get past the first two, and the last two look at every row.
+        let is_unknown = model.terms.iter().any(|term| scaled_term(term, supply_v, 1.0).is_some())
+            && !model.terms.iter().any(|term| term.effect.about().tells_scale_of_voltages)
+            && data.axis.drive.is_voltage()
+            && has_no_load(data)
+            && data.supply_v.iter().all(|other_v| *other_v == supply_v);
         is_unknown.then_some(Self::Voltages { supply_v })
     }
 

@@ -14,8 +14,8 @@ const RECORDED: [&str; 6] = ["voltage-speed", "counts", "levels", "slow", "windo
 const IN_TURN: usize = 3;
 /// Effects that are hidden, besides friction and drop of the rig.
 const HIDDEN: usize = 24;
-/// With the rates of docs/explanation/trials.md nineteen in twenty benches are right, of half as long recordings hardly fewer. Fewer than these of 19 occur less
-/// than once in ten thousand.
+/// With the rates of docs/explanation/trials.md nineteen in twenty benches are right. Fewer than these of 19 occur less
+/// than once in ten thousand. Those rates are of recordings of 20 s; these are half as long.
 const BOUND: usize = 13;
 
 #[test]

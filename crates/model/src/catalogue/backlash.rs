@@ -3,6 +3,7 @@
 use super::{About, ActsOn, Balance, Instant, Law, Parameter, Scales, Search, Simplification, Unit};
 use crate::motor::MotorParameters;
 use crate::oppose_motion;
+use crate::pwm_period::against;
 use std::f64::consts::TAU;
 
 /// The least gap that counts as one: a sixth of a degree.
@@ -161,11 +162,10 @@ fn own_nm(motor: &MotorParameters, at: &Instant, balance: &Balance) -> f64 {
     let resistance_ohm = motor.resistance_ohm + balance.resistance_ohm;
     let emf_v = motor.torque_constant_nm_per_a * at.speed_rad_per_s;
     let driving_v = at.voltage_v + balance.voltage_v - emf_v - resistance_ohm * at.current_a;
-    let [forward_v, backward_v] = balance.ripple.mean_drops_v(balance.drops());
+    let drops_v = balance.ripple.mean_drops_v(balance.drops());
     let lost_v = match at.current_a {
-        0.0 => driving_v.clamp(-backward_v, forward_v),
-        current_a if current_a > 0.0 => forward_v,
-        _ => -backward_v,
+        0.0 => driving_v.clamp(-drops_v[1], drops_v[0]),
+        current_a => against(current_a, drops_v),
     };
     let half_steps = 0.5 * at.step_s * resistance_ohm / motor.inductance_h;
     // Mean of an exponential approach, by the approximation of Pade.
