@@ -14,8 +14,8 @@ const SLICE_S: f64 = 0.02;
 const BEGINNING: Duration = Duration::from_secs(2);
 /// Number of times the drive is switched off until it confirms.
 const TRIES: u32 = 3;
-/// For the check of the played sequence: samples that may be lost at the beginning, and rounding differences in bits.
-const LOST_AT_FIRST: usize = 100;
+/// For the check of the played sequence: samples that may be lost at either end, and rounding differences in bits.
+const LOST_AT_AN_END: usize = 100;
 const ROUNDING: i32 = 2;
 
 /// The missing property of an interrupted recording. Other missing properties follow from it.
@@ -223,40 +223,68 @@ fn keep(came: &[Sample], samples: &mut Vec<Sample>) -> Result<Option<Ended>, Boa
     Ok(None)
 }
 
-/// Whether samples have the references of a sequence. Commands have no check sum: a line that damages data can change
-/// the sequence.
+/// Whether samples have the references of a whole sequence. Commands have no check sum: a line that damages data can
+/// change the sequence, or its length.
 pub fn is_played(samples: &[Sample], sequence: &Sequence) -> bool {
     let playing: Vec<&Sample> = samples.iter().filter(|sample| sample.state.has(State::PLAYING)).collect();
-    let Some(first) = playing.first() else { return true };
+    let (Some(first), Some(last)) = (playing.first(), playing.last()) else { return true };
     // Positions are relative to the start of the sequence.
     let is_position = first.state.mode().is_position();
-    let lasted = playing[playing.len() - 1].tick.wrapping_sub(first.tick) as usize;
+    let after_first = |sample: &Sample| sample.tick.wrapping_sub(first.tick) as usize;
+    let lasted = after_first(last) + 1;
+    let whole = sequence.duration_ticks() as usize;
+    if !(lasted..=lasted + 2 * LOST_AT_AN_END).contains(&whole) {
+        return false;
+    }
     let mut player = Player::default();
     player.start(sequence);
-    let mut plays: Vec<i32> = Vec::new();
-    while plays.len() <= lasted + LOST_AT_FIRST {
-        let play = player.step();
-        if play.done {
-            break;
-        }
-        plays.push(play.value.into());
-    }
-    (0..=LOST_AT_FIRST.min(plays.len())).any(|lost| {
-        let at = |sample: &Sample| plays.get(lost + sample.tick.wrapping_sub(first.tick) as usize).copied();
-        let origin = if is_position { first.reference - at(first).unwrap_or(0) } else { 0 };
-        playing.iter().all(|sample| at(sample).is_some_and(|play| (sample.reference - origin - play).abs() <= ROUNDING))
+    let plays: Vec<i32> = (0..whole).map(|_| player.step().value.into()).collect();
+    (0..=LOST_AT_AN_END.min(whole - lasted)).any(|lost| {
+        let at = |sample: &Sample| plays[lost + after_first(sample)];
+        let origin = if is_position { first.reference - at(first) } else { 0 };
+        playing.iter().all(|sample| (sample.reference - origin - at(sample)).abs() <= ROUNDING)
     })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use motorbench_core::excitation::Kind;
+    use motorbench_core::message::Mode;
 
     #[test]
     fn an_end_is_written_as_programs_know_it() {
         let written = |ended: Ended| serde_json::to_value(ended).unwrap();
         assert_eq!(written(Ended::Complete), "complete");
         assert_eq!(written(Ended::Tripped(Trip::OverCurrentPeak)), serde_json::json!({ "tripped": "OverCurrentPeak" }));
+    }
+
+    /// The samples of two steps both ways of 40 ticks, all or some of them, played to the end or not.
+    fn samples_of(count: u16, ticks: std::ops::Range<usize>) -> Vec<Sample> {
+        let mut player = Player::default();
+        player.start(&steps(count));
+        let samples = (0..).map_while(|tick| {
+            let play = player.step();
+            let state = State(State::PLAYING | Mode::OpenLoop as u8);
+            (!play.done).then_some(Sample { tick, state, reference: play.value.into(), ..Sample::default() })
+        });
+        samples.collect::<Vec<_>>()[ticks].to_vec()
+    }
+
+    fn steps(count: u16) -> Sequence {
+        Sequence::new(Kind::Steps, 500, 0, 40, count, 1).unwrap()
+    }
+
+    #[test]
+    fn another_sequence_is_noticed_by_values_and_length() {
+        let whole = 4 * 40 * 4;
+        assert!(is_played(&samples_of(4, 0..whole), &steps(4)));
+        assert!(is_played(&samples_of(4, 30..whole), &steps(4)), "the first ones are lost");
+        assert!(is_played(&samples_of(4, 30..whole - 30), &steps(4)), "as well as the last ones");
+        assert!(!is_played(&samples_of(2, 0..whole / 2), &steps(4)), "half of it");
+        assert!(!is_played(&samples_of(4, 0..whole), &steps(2)), "twice as much");
+        let other = Sequence::new(Kind::Steps, 400, 0, 40, 4, 1).unwrap();
+        assert!(!is_played(&samples_of(4, 0..whole), &other), "another amplitude");
     }
 
     #[test]

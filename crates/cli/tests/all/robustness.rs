@@ -202,11 +202,16 @@ fn settings_that_stay_changed_are_in_the_side_file() {
 }
 
 /// From the beginning one frame in fifteen is damaged, and as many answers. The program asks again for what is missing.
+/// Of some 10,000 orders one becomes another order that the board takes: that is noticed, and the order is repeated.
 #[test]
 fn a_line_that_damages_a_little_is_recorded_over() {
     let board = Board::new("little-noise");
     let port = Port::new(&board, Cable { flipped_permille: 2.into(), ..Cable::default() });
-    let done = port.command(&board, "record", &STEPS).output().unwrap();
+    let record = || port.command(&board, "record", &[&STEPS[..], &["--out", "run.csv"]].concat()).output().unwrap();
+    let mut done = record();
+    if text(&done.stderr).contains("played another sequence") {
+        done = record();
+    }
     assert_eq!(done.status.code(), Some(0), "{}{}", text(&done.stdout), text(&done.stderr));
     whole_or_counted(&board, &done);
     let side = board.side_file();
