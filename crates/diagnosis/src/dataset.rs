@@ -14,6 +14,7 @@ mod edge_timing;
 mod end_of_range;
 mod error;
 mod held_rotor;
+mod late_readings;
 mod measured;
 mod mistakes;
 mod notes;
@@ -23,6 +24,7 @@ mod pwm;
 mod reading;
 mod row_order;
 mod speed_window;
+mod thinned;
 mod turns;
 
 use columns::held;
@@ -33,8 +35,9 @@ pub use edge_timing::{BetweenEdges, EdgeTiming};
 pub use end_of_range::EndOfRange;
 pub use error::DatasetError;
 pub use held_rotor::HeldRotor;
+pub use late_readings::LateReadings;
 pub use measured::{Measured, Output, TOLERANCE};
-pub use origin::{Averaged, Origin, Pulse};
+pub use origin::{Averaged, LimitedDuty, Origin, Pulse};
 pub use speed_window::Window;
 
 /// Shorter stretches are not used.
@@ -59,8 +62,10 @@ const DIFFERENCE_SPAN_S: f64 = 0.005;
 const BLOCK_S: f64 = 0.25;
 const FEWEST_BLOCKS: f64 = 24.0;
 const HELD_OUT_EVERY: usize = 3;
-/// Which of them is kept back.
+/// Which of them is kept back...
 const HELD_OUT: usize = 1;
+/// ... unless it has more than this share of all changes of the motion; evenly spread, it has a third.
+const MOST_CHANGES: f64 = 0.5;
 /// A row whose command is this share of the greatest one has its magnitude...
 const SAME_MAGNITUDE: f64 = 0.97;
 /// ... and if only one magnitude was played, at least this share of the rows have it, of those in which the motor is
@@ -159,7 +164,7 @@ impl Dataset {
             all.origin.written_after = true;
             row_order::move_commands(&mut all, row_order::Towards::Before);
         }
-        all.keep_back(HELD_OUT);
+        all.keep_back(all.part_to_hold_out());
         if let Some(first) = recordings.first() {
             all.check_that_it_turns(&first.name)?;
             all.check(&first.name)?;
@@ -321,8 +326,25 @@ impl Dataset {
     }
 
     fn keep_back(&mut self, part: usize) {
-        let block = (BLOCK_S.min(self.span_s() / FEWEST_BLOCKS) / self.interval_s).max(1.0) as usize;
+        let block = self.rows_of_block();
         self.held_out = (0..self.len()).map(|index| (index / block) % HELD_OUT_EVERY == part).collect();
+    }
+
+    fn rows_of_block(&self) -> usize {
+        (BLOCK_S.min(self.span_s() / FEWEST_BLOCKS) / self.interval_s).max(1.0) as usize
+    }
+
+    /// [`HELD_OUT`], unless most of the motion's changes are in it, such as the only step: the fit has to see them. Then
+    /// the part with the least.
+    fn part_to_hold_out(&self) -> usize {
+        let mut changes = [0.0; HELD_OUT_EVERY];
+        for (block, speeds) in self.motion().values.chunks(self.rows_of_block()).enumerate() {
+            changes[block % HELD_OUT_EVERY] += spread(speeds).powi(2) * speeds.len() as f64;
+        }
+        match changes[HELD_OUT] > MOST_CHANGES * changes.iter().sum::<f64>() {
+            true => (0..HELD_OUT_EVERY).min_by(|a, b| changes[*a].total_cmp(&changes[*b])).unwrap_or(HELD_OUT),
+            false => HELD_OUT,
+        }
     }
 }
 

@@ -1,8 +1,8 @@
 //! Notes on how the recordings were made, where the rig file does not say it.
 
 use super::{
-    Averaged, Contradiction, Dataset, EdgeTiming, EndOfRange, Output, PWM_HZ, SHORTEST_S, Stretch, dead_current,
-    held_rotor, row_order,
+    Averaged, Contradiction, Dataset, EdgeTiming, EndOfRange, LimitedDuty, Output, PWM_HZ, SHORTEST_S, Stretch,
+    dead_current, held_rotor, row_order,
 };
 use motorbench_data::recording::Channel;
 use motorbench_text::terminal_text::short;
@@ -61,6 +61,7 @@ impl Dataset {
         if self.origin.written_after {
             notes.push(row_order::WRITTEN_AFTER.into());
         }
+        notes.extend(self.origin.late_readings.map(|late| late.note()));
         if self.has_moments() {
             notes.push(BETWEEN_ROWS.into());
         }
@@ -95,6 +96,12 @@ impl Dataset {
             notes.push(format!(
                 "{} stays at {} rad/s in {:.0} % of the rows: the end of its sensor's range. Those rows are not compared. Record at lower speed, or with a sensor of a wider range.",
                 self.motion().output.channel(), short(value), 100.0 * rows as f64 / self.len() as f64
+            ));
+        }
+        if let Some(LimitedDuty { rows, greatest }) = self.origin.limited_duty {
+            notes.push(format!(
+                "duty goes up to {} and is above 1 in {rows} rows. The whole supply is taken for it there, as a timer does. If its unit is another, --column duty=duty/VALUE corrects it.",
+                short(greatest)
             ));
         }
         for rows in &self.origin.left_out {

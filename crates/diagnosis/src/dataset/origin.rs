@@ -1,6 +1,6 @@
 //! How recordings were made, from the rig file or from the recordings themselves.
 
-use super::{Contradiction, CounterStop, EdgeTiming, EndOfRange, HeldRotor, PWM_HZ, contradictions};
+use super::{Contradiction, CounterStop, EdgeTiming, EndOfRange, HeldRotor, LateReadings, PWM_HZ, contradictions};
 use motorbench_data::recording::{Channel, Recording};
 use motorbench_data::rig::{Readings, Rig, Timing};
 use std::ops::Range;
@@ -32,6 +32,15 @@ impl Pulse {
             Self::InMiddle => 0.5 * (1.0 - duty.abs()).max(0.0),
         }
     }
+}
+
+/// A duty that went beyond the whole supply.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LimitedDuty {
+    /// In how many rows.
+    pub rows: usize,
+    /// Greatest magnitude.
+    pub greatest: f64,
 }
 
 /// How recordings were made. For several recordings of one rig: what the rig file says of all, and what each adds.
@@ -73,6 +82,8 @@ pub struct Origin {
     pub reading: Vec<String>,
     /// Number of rows left out because their time is missing.
     pub without_time: usize,
+    /// A duty beyond the whole supply, which was limited to it.
+    pub limited_duty: Option<LimitedDuty>,
     /// The end of a speed sensor's range, if the motor exceeded it.
     pub end_of_range: Option<EndOfRange>,
     /// Share of all counts that is assumed to be lost; angles and speeds here include it.
@@ -93,6 +104,8 @@ pub struct Origin {
     pub averaged: Option<Averaged>,
     /// Whether the angle was estimated from the ripple of the speed.
     pub angle_by_ripple: bool,
+    /// The readings were found to come late by a time that changes; they have been moved.
+    pub late_readings: Option<LateReadings>,
     /// How a speed was timed by edges.
     pub edge_timing: Option<EdgeTiming>,
 }
@@ -144,6 +157,12 @@ impl Origin {
         self.contradictions.extend(new);
         self.empty.extend(other.empty.into_iter().filter(|channel| !self.empty.contains(channel)).collect::<Vec<_>>());
         self.held_rotor.extend(other.held_rotor.into_iter().map(|held| held.later_by(before)));
+        self.limited_duty = match (self.limited_duty, other.limited_duty) {
+            (Some(mine), Some(theirs)) => {
+                Some(LimitedDuty { rows: mine.rows + theirs.rows, greatest: mine.greatest.max(theirs.greatest) })
+            }
+            (mine, theirs) => mine.or(theirs),
+        };
         self.current_is_magnitude |= other.current_is_magnitude;
         self.dead_current_a = self.dead_current_a.or(other.dead_current_a);
         self.end_of_range = match (self.end_of_range, other.end_of_range) {

@@ -1,6 +1,6 @@
 //! The same recordings with another interpretation: another scale, or another choice of what the rig file leaves open.
 
-use super::{Averaged, Dataset, HELD_OUT, HELD_OUT_EVERY, Output, Stretch, Window, row_order};
+use super::{Averaged, Dataset, HELD_OUT_EVERY, Output, Stretch, Window, row_order};
 use motorbench_data::rig::Readings;
 
 impl Dataset {
@@ -77,7 +77,9 @@ impl Dataset {
     /// With the row in the middle of a mean speed's window instead of at its end, where neither the columns nor the rig
     /// file say which.
     pub fn with_window_centred(&self) -> Option<Self> {
-        if self.motion().output != Output::MeanSpeed || self.origin.window_end_is_known {
+        let is_centred = |stretch: &Stretch| stretch.window.ahead == stretch.window.span / 2;
+        let is_known = self.origin.window_end_is_known || self.stretches.iter().all(is_centred);
+        if self.motion().output != Output::MeanSpeed || is_known {
             return None;
         }
         let mut other = self.clone();
@@ -145,7 +147,8 @@ impl Dataset {
 
     /// The same data with each of the other parts held out in turn.
     pub fn with_others_held_out(&self) -> impl Iterator<Item = Self> {
-        (0..HELD_OUT_EVERY).filter(|part| *part != HELD_OUT).map(|part| {
+        let held_out = self.part_to_hold_out();
+        (0..HELD_OUT_EVERY).filter(move |part| *part != held_out).map(|part| {
             let mut other = self.clone();
             other.keep_back(part);
             other

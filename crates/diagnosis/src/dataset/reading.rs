@@ -6,8 +6,8 @@ use super::edge_timing::Timed;
 use super::speed_window::{self, Found, Window};
 use super::turns::{self, Ambiguous};
 use super::{
-    DIFFERENCE_SPAN_S, Dataset, DatasetError, GREATEST_DUTY, LONGEST_INTERVAL_S, LONGEST_OF_ALL_S, Measured, Origin,
-    Output, SHORTEST_S, SHORTEST_STRETCH, Stretch, difference, end_of_range, mistakes,
+    DIFFERENCE_SPAN_S, Dataset, DatasetError, GREATEST_DUTY, LONGEST_INTERVAL_S, LONGEST_OF_ALL_S, LimitedDuty,
+    Measured, Origin, Output, SHORTEST_S, SHORTEST_STRETCH, Stretch, difference, end_of_range, mistakes,
 };
 use motorbench_data::recording::{Channel, Recording};
 use motorbench_data::rig::{Readings, Rig};
@@ -21,6 +21,8 @@ const GAP_INTERVALS: f64 = 10.0;
 const LONGEST_HELD_S: f64 = 1.0;
 /// If a command is missing for longer than this, the bridge was off.
 const OPEN_BRIDGE_S: f64 = 0.02;
+/// A duty beyond the whole supply is limited up to here.
+const GREATEST_LIMITED_DUTY: f64 = 2.0;
 /// A motion with this correlation against its drive is impossible: a motor takes energy from its drive.
 const BACKWARD: f64 = -0.2;
 
@@ -83,7 +85,9 @@ impl Dataset {
         }
         let load = recording.get(Channel::LoadTorque).or_else(|| recording.get(Channel::LoadForce));
         data.load_nm = load.map_or_else(|| vec![0.0; time_s.len()], held);
-        let stretches = stretches(&time_s, interval_s, &data.command).into_iter();
+        let window = data.thin(window);
+        let interval_s = data.interval_s;
+        let stretches = stretches(&data.time_s, interval_s, &data.command).into_iter();
         data.stretches = stretches.map(|rows| Stretch { rows, interval_s, window }).collect();
         if data.stretches.iter().all(|stretch| stretch.rows.len() <= window.span) {
             return Err(DatasetError::LongWindow(name(), window.span as f64 * interval_s));
@@ -113,7 +117,8 @@ impl Dataset {
             (None, None, None) => return Err(DatasetError::NoSupply(recording.name.clone())),
         };
         let duty = match (duty, voltage) {
-            (Some(duty), _) => held(duty),
+            (Some(duty), None) => self.limited(held(duty)),
+            (Some(duty), Some(_)) => held(duty),
             (None, _) => held(command).iter().zip(&self.supply_v).map(|(u, supply)| u / supply).collect(),
         };
         self.command = match voltage {
@@ -125,6 +130,17 @@ impl Dataset {
         }
         self.duty = duty;
         Ok(())
+    }
+
+    /// A duty that goes a little beyond the whole supply: a timer takes what is more than its period for the period. No
+    /// unit makes a share less than twice as large.
+    fn limited(&mut self, mut duty: Vec<f64>) -> Vec<f64> {
+        let beyond = duty.iter().filter(|duty| duty.abs() > GREATEST_DUTY).count();
+        if beyond > 0 && greatest(&duty) < GREATEST_LIMITED_DUTY {
+            self.origin.limited_duty = Some(LimitedDuty { rows: beyond, greatest: greatest(&duty) });
+            duty.iter_mut().for_each(|duty| *duty = duty.clamp(-1.0, 1.0));
+        }
+        duty
     }
 
     /// A current, torque or force that a drive imposes.

@@ -10,7 +10,8 @@ pub(super) fn excluded(data: &Dataset) -> Vec<&'static str> {
         current: data.current().is_some(),
         speed: data.motion().output == Output::Speed,
         counts: data.origin.is_counted,
-        moments: data.has_moments(),
+        // A lateness that is followed from reading to reading includes any delay, too.
+        moments: data.has_moments() || data.origin.late_readings.is_some(),
         one_magnitude: data.has_one_magnitude(),
     };
     CATALOGUE.iter().filter(|effect| !effect.shows_in(&channels)).map(|effect| effect.about().id).collect()

@@ -3,7 +3,7 @@
 
 use super::channels::excluded;
 use super::hidden_drop::HiddenDrop;
-use super::judge::{self, NOT_NOISE, above_floor};
+use super::judge::{self, AS_GOOD, NOT_NOISE, above_floor};
 use super::random_losses::RandomLosses;
 use super::scale::Scale;
 use super::select::{self, Selection, Standing, select};
@@ -141,7 +141,8 @@ fn nothing(selection: &Selection, last: &Fit, everything: &Dataset) -> Option<us
 }
 
 /// The best choice of what the rig file leaves open about the recording. It is judged by the rest above the noise, the
-/// distance from the data sheet, and the number of effects.
+/// distance from the data sheet, and the number of effects. Where the window of a speed lies is searched again only if the
+/// effects that were found fit better with the other place.
 fn best_interpretation(
     mut data: Dataset,
     prior: &Prior,
@@ -149,13 +150,17 @@ fn best_interpretation(
     progress: select::Progress,
 ) -> (Dataset, Selection) {
     speed_reading::settle_stated_window(&mut data, prior);
-    let centred = data.with_window_centred();
-    let ways = [Some(data), centred].into_iter().flatten().map(|data| interpret(data, prior, excluded_ids, progress));
+    let way = interpret(data.clone(), prior, excluded_ids, progress);
+    let last = &way.1.last;
+    let is_better = |centred: &Dataset| fit(&last.model, centred, prior, Effort::AGAIN).cost * AS_GOOD < last.cost;
+    let is_centred = way.0.with_window_centred().is_some_and(|centred| is_better(&centred));
+    let Some(centred) = data.with_window_centred().filter(|_| is_centred) else { return way };
+    let other = interpret(centred, prior, excluded_ids, progress);
     let rank = |(data, selection): &(Dataset, Selection)| {
         let last = &selection.last;
         (data_sheet::doubts(data, prior, last), last.model.terms.len(), last.cost)
     };
-    ways.min_by(|a, b| rank(a).partial_cmp(&rank(b)).unwrap_or(Ordering::Equal)).expect("one way at least")
+    if rank(&other).partial_cmp(&rank(&way)) == Some(Ordering::Less) { other } else { way }
 }
 
 /// Settings that the rig file leaves open, in the order in which they are estimated from the current fit. Each returns

@@ -20,6 +20,8 @@ pub mod determined;
 mod hidden_drop;
 mod interpretation;
 pub mod judge;
+mod late_readings;
+mod lateness;
 mod laws;
 pub mod missing;
 pub mod outcome;
@@ -105,6 +107,8 @@ pub struct Diagnosis {
 /// [`DatasetError`], when the recordings cannot be used; it says what to record instead.
 pub fn diagnose(recordings: &[Recording], rig: &Rig, progress: select::Progress) -> Result<Diagnosis, DatasetError> {
     let data = Dataset::new(recordings, rig)?;
+    let prior = Prior::new(&rig.nominal(), &data).with_bridge(&rig.bridge, &data);
+    let data = late_readings::settled(data, &prior);
     let prior = Prior::new(&rig.nominal(), &data).with_bridge(&rig.bridge, &data);
     let mut interpret = interpret_trusted(data, &prior, &[], progress);
     let losses = interpret.random_losses();

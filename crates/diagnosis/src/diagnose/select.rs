@@ -7,7 +7,7 @@ mod winding;
 
 use super::data_sheet::{doubts, has_wrong_values, is_implausible};
 use super::judge::{AS_GOOD, Gain, NOT_NOISE, VERY_STRONG_NATS, above_floor, evidence_nats, gain};
-use super::laws;
+use super::{lateness, laws};
 use crate::dataset::Dataset;
 use crate::free_run::{Steps, drive, longest_step_s, read};
 use crate::identify::{Effort, Fit, Fits, LEAST_PROMISE, Prior, Promise, scales};
@@ -18,6 +18,10 @@ use motorbench_model::catalogue::{CATALOGUE, Effect};
 use motorbench_model::{Model, Term};
 use std::collections::BTreeSet;
 
+/// Identifier of the delay.
+const DELAY: &str = "actuation_delay";
+/// Time constant of a motor that answers at once.
+const QUICK_S: f64 = 4e-3;
 /// Largest number of effects.
 const MOST_EFFECTS: usize = 7;
 /// An effect is tried further with this significance...
@@ -210,7 +214,20 @@ impl Chooser<'_> {
 
     fn usual_model(&self) -> Fit {
         let model = self.with_usual(Model::linear(self.prior.motor), &scales(&self.prior.motor, self.data));
-        self.fits.fit(&model, Effort::AGAIN)
+        let usual = self.fits.fit(&model, Effort::AGAIN);
+        let delay = self.possible().find(|effect| effect.about().id == DELAY);
+        let late = delay.filter(|_| above_floor(self.data, &usual) > SMALL_REST);
+        let late = late.map(|delay| self.fits.fit(&self.delayed(&usual, delay), Effort::AGAIN));
+        late.filter(|late| late.cost < usual.cost).unwrap_or(usual)
+    }
+
+    /// With the delay by which a quick motor agrees best with the readings. A fit that begins without one takes it for a
+    /// slow winding, and does not come back.
+    fn delayed(&self, usual: &Fit, delay: &'static dyn Effect) -> Model {
+        let quick = lateness::at_once(&lateness::with_time_constant(&usual.model, QUICK_S), self.prior);
+        let errors = lateness::errors(self.data, &usual.prediction);
+        let late_s = lateness::constant_s(self.data, &self.fits.replay.free_run(&quick), &errors);
+        quick.with(delay, vec![late_s])
     }
 
     /// Whether two ways from far apart end with the same effects and nearly the same small rest: a third one hardly ends

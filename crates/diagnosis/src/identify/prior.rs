@@ -34,11 +34,15 @@ pub struct Prior {
     pub bridge_drop_v: Option<f64>,
 }
 
+/// Where the lateness of readings was followed, this is left of it: on recordings with a known one up to 4 ms.
+const LATE_READINGS_S: f64 = 4e-3;
+
 /// How late a speed is read after its command: one standard deviation of what the rows leave open.
 pub fn lateness_s(data: &Dataset) -> f64 {
     // A command may act anywhere in the first half of its row.
     let command_s = if data.origin.timing.command_delay_s.is_some() { 0.0 } else { 0.5 * data.interval_s };
-    uniform_deviation(command_s.hypot(data.interval_s))
+    let of_readings_s = if data.origin.late_readings.is_some() { LATE_READINGS_S } else { 0.0 };
+    uniform_deviation(command_s.hypot(data.interval_s)).hypot(of_readings_s)
 }
 
 /// Standard deviation of a uniform distribution over this width.

@@ -170,6 +170,35 @@ fn a_pause_of_the_host_is_left_out_and_told() {
     assert!(times[1] - times[0] < 1.2, "seed {seed}: {note}");
 }
 
+/// A host takes readings out of a buffer more slowly than they come, and loses what is in it when it is full.
+#[test]
+fn readings_that_wait_in_a_buffer_are_compared_at_their_own_time() {
+    let seed = fresh_seed();
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let (growth, full_s) = (random.random_range(0.05..0.12), random.random_range(0.1..0.25));
+    let rows = course(Bench::new([0.0; 2], FAST_PWM_HZ), command);
+    let mut text = String::from("t_s,duty,omega_rad_per_s\n");
+    let mut late_s = 0.0;
+    for row in 0..rows.len() {
+        late_s = if late_s > full_s { 0.0 } else { late_s + growth * 1e-3 };
+        let at = (row as f64 - late_s * 1e3).max(0.0);
+        let (before, part) = (at.floor() as usize, at.fract());
+        let [one, other] = [before, before + 1].map(|row| rows[row.min(rows.len() - 1)].speed_rad_per_s);
+        let speed = one + part * (other - one) + random.random_range(-0.5..0.5);
+        let _ = writeln!(text, "{:.3},{:.5},{speed:.4}", rows[row].time_s, command(rows[row].time_s));
+    }
+    let found = diagnosed_at(FAST_PWM_HZ, &text, Some(0.0), "");
+    let case = format!("seed {seed}, growth {growth}, full at {full_s} s");
+    assert_eq!(found.causes.first().map(|cause| cause.effect.as_str()), Some("coulomb_friction"), "{case}: {found:?}");
+    let note = found.advice.iter().find(|note| note.contains("falls behind and catches up"));
+    assert!(note.is_some(), "{case}: {:?}", found.advice);
+    let of = |name: &str| found.determined.get(name).map(|found| found.value);
+    for (name, truth) in [("kS", FRICTION_NM * RESISTANCE_OHM / TORQUE_CONSTANT), ("kV", TORQUE_CONSTANT)] {
+        let value = of(name).unwrap_or_else(|| panic!("{case}: {found:?}"));
+        assert!((value / truth - 1.0).abs() < 0.1, "{case}: {name} {value}, it is {truth}");
+    }
+}
+
 /// The off phase acts as another supply, except where the current touches zero in each period.
 #[test]
 fn the_intervals_know_a_drop_that_differs_in_the_off_phase() {

@@ -1,0 +1,269 @@
+//! How late readings are, at each moment of a recording, compared with a simulation.
+//!
+//! The lateness is followed through the recording by dynamic programming (Viterbi, IEEE Transactions on Information Theory
+//! 13 (1967)): it grows evenly, and may jump at any time for a price. The simulation does not change, since only the
+//! readings move.
+
+use crate::dataset::{Dataset, LateReadings, Measured, Stretch};
+use crate::free_run::Prediction;
+use crate::identify::Prior;
+use motorbench_model::Model;
+use motorbench_model::linear::motor_model::TimeConstants;
+use motorbench_model::motor::MotorParameters;
+use std::ops::Range;
+
+/// Readings in this time count as one: a jump within it is not seen.
+const BLOCK_S: f64 = 4e-3;
+/// A buffer of 4096 bytes at 115,200 bits a second holds 0.36 s.
+const LATEST_S: f64 = 0.5;
+/// Price of a jump in natural units: it may be at any of some 5000 blocks, to any of some 100 times.
+const JUMP_NATS: f64 = 13.0;
+/// What a model lacks continues over this time, as in the judgement of gains: its blocks are not independent.
+const INDEPENDENT_S: f64 = 0.1;
+/// A block costs at most this: less than a jump, so that some readings that nothing explains cause none.
+const MOST_NATS: f64 = 6.0;
+/// Fastest growth that is tried, and the differences between two that are.
+const FASTEST_GROWTH: f64 = 0.15;
+const COARSE_GROWTH: f64 = 1e-2;
+const FINE_GROWTH: f64 = 1e-3;
+/// Steps of Gauss and Newton for the lateness between two jumps.
+const REFINED: usize = 2;
+
+/// The lateness of each reading that brings a prediction closest. `errors`: what is expected of each quantity.
+pub(super) fn late_s(data: &Dataset, prediction: &Prediction, errors: &[f64]) -> (Vec<f64>, LateReadings) {
+    let mut late_s = vec![0.0; data.len()];
+    let mut found = LateReadings::default();
+    for stretch in &data.stretches {
+        let path = Path::of(data, stretch, prediction, errors);
+        for rows in path.pieces(stretch) {
+            for row in rows.clone() {
+                late_s[row] = path.late_s(row, stretch, &data.time_s);
+            }
+            refine(data, prediction, rows, stretch, &mut late_s);
+        }
+        found.add(&late_s[stretch.rows.clone()], path.growth, path.jumps.len());
+    }
+    (late_s, found)
+}
+
+/// The one lateness of all readings that brings a prediction closest, to a block.
+pub(super) fn constant_s(data: &Dataset, prediction: &Prediction, errors: &[f64]) -> f64 {
+    let of = |stretch| Blocks::new(data, stretch, prediction, errors);
+    let blocks: Vec<Blocks> = data.stretches.iter().map(of).collect();
+    let Some(first) = blocks.first() else { return 0.0 };
+    let nats = |late: usize| -> f64 {
+        blocks.iter().map(|blocks| (0..blocks.count).map(|block| blocks.nats(block, late, 0.0)).sum::<f64>()).sum()
+    };
+    let all = (0..first.states()).map(|late| (late, nats(late)));
+    let best = all.min_by(|one, other| one.1.total_cmp(&other.1)).map_or(0, |(late, _)| late);
+    best as f64 * first.block_s
+}
+
+/// Root mean square of what a model lacks in each quantity, at least its noise.
+pub(super) fn errors(data: &Dataset, prediction: &Prediction) -> Vec<f64> {
+    let of = |(measured, predicted): (&Measured, &Vec<f64>)| {
+        let left = measured.values.iter().zip(predicted).map(|(read, predicted)| (read - predicted).powi(2));
+        let seen: Vec<f64> = left.filter(|square| square.is_finite()).collect();
+        let lacks = (seen.iter().sum::<f64>() / seen.len().max(1) as f64).sqrt();
+        measured.least_error(measured.noise).max(lacks)
+    };
+    data.measured.iter().zip(prediction).map(of).collect()
+}
+
+/// The same with the inertia that gives an electromechanical time constant.
+pub(super) fn with_time_constant(model: &Model, time_constant_s: f64) -> Model {
+    let mut other = model.clone();
+    let motor = &mut other.motor;
+    motor.inertia_kg_m2 = time_constant_s * motor.torque_constant_nm_per_a.powi(2) / motor.resistance_ohm;
+    other
+}
+
+/// Without a delay, and without a winding that is slower than usual: a fit to readings that are late takes the lateness
+/// for either.
+pub(super) fn without_lag(model: &Model, prior: &Prior) -> Model {
+    let mut quicker = model.clone();
+    quicker.terms.retain(|term| !term.effect.about().is_delay);
+    let usual_s = TimeConstants::of(&prior.motor).electromagnetic_s;
+    let motor = &mut quicker.motor;
+    motor.inductance_h = motor.inductance_h.min(usual_s * motor.resistance_ohm);
+    quicker
+}
+
+/// The same with the usual resistance and torque constant, and with the gain and the time constant of the model: a fit to
+/// the speed alone does not return to them.
+pub(super) fn at_once(model: &Model, prior: &Prior) -> Model {
+    let Model { motor: found, terms } = without_lag(model, prior);
+    let MotorParameters { torque_constant_nm_per_a: k, resistance_ohm, .. } = prior.motor;
+    // Torque over speed: of the back-EMF and of the friction.
+    let braking = |motor: &MotorParameters| {
+        motor.torque_constant_nm_per_a.powi(2) / motor.resistance_ohm + motor.viscous_friction_nm_s
+    };
+    let gain = found.torque_constant_nm_per_a / found.resistance_ohm / braking(&found);
+    let viscous_friction_nm_s = (k / resistance_ohm / gain - k * k / resistance_ohm).max(0.0);
+    let inductance_h = found.inductance_h / found.resistance_ohm * resistance_ohm;
+    let mut motor = MotorParameters { viscous_friction_nm_s, inductance_h, ..prior.motor };
+    motor.inertia_kg_m2 = found.inertia_kg_m2 / braking(&found) * braking(&motor);
+    Model { motor, terms }
+}
+
+/// Moves the lateness of rows between two jumps by less than a block, to where the readings agree best (Gauss and Newton).
+fn refine(data: &Dataset, prediction: &Prediction, rows: Range<usize>, stretch: &Stretch, late_s: &mut [f64]) {
+    for _ in 0..REFINED {
+        let (mut normal, mut towards_s) = (0.0, 0.0);
+        for (measured, predicted) in data.measured.iter().zip(prediction) {
+            let weight = measured.least_error(measured.noise).powi(-2);
+            for row in rows.clone() {
+                let back = (late_s[row] / stretch.interval_s).max(0.0);
+                let at = |back: f64| interpolated(predicted, stretch.rows.start, row as f64 - back);
+                let slope = (at(back + 1.0) - at((back - 1.0).max(0.0))) / stretch.interval_s;
+                let slope = slope / (back + 1.0 - (back - 1.0).max(0.0));
+                let left = measured.values[row] - at(back);
+                if slope.is_finite() && left.is_finite() {
+                    normal += weight * slope * slope;
+                    towards_s += weight * slope * left;
+                }
+            }
+        }
+        let most_s = BLOCK_S.max(stretch.interval_s);
+        let moved_s = (towards_s / normal.max(f64::MIN_POSITIVE)).clamp(-most_s, most_s);
+        late_s[rows.clone()].iter_mut().for_each(|late_s| *late_s = (*late_s + moved_s).max(0.0));
+    }
+}
+
+/// A value between two rows; before the first row it is that of the first one.
+fn interpolated(values: &[f64], first: usize, at: f64) -> f64 {
+    let row = at.floor().max(first as f64) as usize;
+    let part = (at - row as f64).max(0.0);
+    if part > 0.0 { values[row] * (1.0 - part) + values[row + 1] * part } else { values[row] }
+}
+
+/// How late the readings of a stretch are, block by block.
+struct Path {
+    rows_of_block: usize,
+    growth: f64,
+    /// Lateness of each block at its first row.
+    late_s: Vec<f64>,
+    /// The blocks before which it jumped.
+    jumps: Vec<usize>,
+    cost: f64,
+}
+
+impl Path {
+    /// The cheapest one. Its growth is searched in coarse steps, then in fine ones.
+    fn of(data: &Dataset, stretch: &Stretch, prediction: &Prediction, errors: &[f64]) -> Self {
+        let blocks = Blocks::new(data, stretch, prediction, errors);
+        let search = |centre: f64, step: f64, steps: i32| {
+            let paths = (-steps..=steps).map(|count| blocks.cheapest(centre + f64::from(count) * step));
+            paths.min_by(|one, other| one.cost.total_cmp(&other.cost)).expect("one rate at least")
+        };
+        let coarse = search(0.0, COARSE_GROWTH, (FASTEST_GROWTH / COARSE_GROWTH).round() as i32);
+        search(coarse.growth, FINE_GROWTH, (0.5 * COARSE_GROWTH / FINE_GROWTH).round() as i32)
+    }
+
+    /// The rows between two jumps.
+    fn pieces(&self, stretch: &Stretch) -> Vec<Range<usize>> {
+        let row = |block: &usize| stretch.rows.start + block * self.rows_of_block;
+        let ends = self.jumps.iter().map(row).chain([stretch.rows.end]);
+        let begins = [stretch.rows.start].into_iter().chain(self.jumps.iter().map(row));
+        begins.zip(ends).map(|(begin, end)| begin..end).collect()
+    }
+
+    fn late_s(&self, row: usize, stretch: &Stretch, time_s: &[f64]) -> f64 {
+        let block = (row - stretch.rows.start) / self.rows_of_block;
+        let begun = stretch.rows.start + block * self.rows_of_block;
+        (self.late_s[block] + self.growth * (time_s[row] - time_s[begun])).max(0.0)
+    }
+}
+
+/// Mean readings and predictions in blocks of time.
+struct Blocks {
+    rows_of_block: usize,
+    block_s: f64,
+    count: usize,
+    quantities: Vec<Quantity>,
+}
+
+/// Of each block. Readings and predictions are in multiples of the error that is expected of them.
+struct Quantity {
+    read: Vec<f64>,
+    expected: Vec<f64>,
+}
+
+impl Blocks {
+    fn new(data: &Dataset, stretch: &Stretch, prediction: &Prediction, errors: &[f64]) -> Self {
+        let rows_of_block = (BLOCK_S / stretch.interval_s).round().max(1.0) as usize;
+        let rows = stretch.rows.clone();
+        let in_blocks = |values: &[f64]| -> Vec<f64> { values[rows.clone()].chunks(rows_of_block).map(mean).collect() };
+        let quantity = |((measured, predicted), error): ((&Measured, &Vec<f64>), &f64)| {
+            let [mut read, mut expected] = [&measured.values, predicted].map(|values| in_blocks(values));
+            read.iter_mut().chain(&mut expected).for_each(|value| *value /= *error);
+            Quantity { read, expected }
+        };
+        Self {
+            rows_of_block,
+            block_s: rows_of_block as f64 * stretch.interval_s,
+            count: rows.len().div_ceil(rows_of_block),
+            quantities: data.measured.iter().zip(prediction).zip(errors).map(quantity).collect(),
+        }
+    }
+
+    /// Number of blocks by which a reading may be late.
+    fn states(&self) -> usize {
+        (LATEST_S / self.block_s).max(1.0) as usize
+    }
+
+    /// The cheapest path with a rate of growth. A state is a whole number of blocks by which a reading is late. What the
+    /// growth adds to the last whole block comes to it.
+    fn cheapest(&self, growth: f64) -> Path {
+        let states = self.states();
+        let grown = |block: usize| growth * block as f64;
+        let (mut costs, mut came_from) = (vec![0.0; states], Vec::with_capacity(self.count));
+        for block in 0..self.count {
+            let moved = grown(block).floor() - grown(block.saturating_sub(1)).floor();
+            let cheapest = (0..states).min_by(|a, b| f64::total_cmp(&costs[*a], &costs[*b])).unwrap_or(0);
+            let by_jump = costs[cheapest] + JUMP_NATS;
+            let part = grown(block) - grown(block).floor();
+            let steps = (0..states).map(|state| {
+                let before = state as f64 - moved;
+                let stays = (0.0..states as f64).contains(&before).then_some(before as usize);
+                let (before, cost) = match stays {
+                    Some(before) if costs[before] <= by_jump => (Some(before), costs[before]),
+                    _ => (None, by_jump),
+                };
+                (before, cost + self.nats(block, state, part))
+            });
+            let (before, reached): (Vec<Option<usize>>, Vec<f64>) = steps.unzip();
+            came_from.push((before, cheapest));
+            costs = reached;
+        }
+        let last = (0..states).min_by(|a, b| f64::total_cmp(&costs[*a], &costs[*b])).unwrap_or(0);
+        let (mut state, mut jumps, mut late_s) = (last, Vec::new(), vec![0.0; self.count]);
+        for (block, (before, cheapest)) in came_from.iter().enumerate().rev() {
+            late_s[block] = (state as f64 + grown(block) - grown(block).floor()) * self.block_s;
+            if block > 0 && before[state].is_none() {
+                jumps.push(block);
+            }
+            state = before[state].unwrap_or(*cheapest);
+        }
+        jumps.reverse();
+        Path { rows_of_block: self.rows_of_block, growth, late_s, jumps, cost: costs[last] }
+    }
+
+    /// What a block costs whose readings are late by a number of blocks and a part of one. A few readings that nothing
+    /// explains cost no more than a jump.
+    fn nats(&self, block: usize, late: usize, part: f64) -> f64 {
+        let of = |quantity: &Quantity| {
+            let at = |late: usize| quantity.expected[block.saturating_sub(late)];
+            let left = quantity.read[block] - (at(late) * (1.0 - part) + at(late + 1) * part);
+            let nats = 0.5 * left * left * (self.block_s / INDEPENDENT_S).min(1.0);
+            if nats.is_finite() { nats / (1.0 + nats / MOST_NATS) } else { 0.0 }
+        };
+        self.quantities.iter().map(of).sum()
+    }
+}
+
+/// Mean of the values that are not missing; NaN without any.
+fn mean(values: &[f64]) -> f64 {
+    let finite = || values.iter().filter(|value| value.is_finite());
+    finite().sum::<f64>() / finite().count() as f64
+}
