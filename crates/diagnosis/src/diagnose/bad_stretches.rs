@@ -20,7 +20,7 @@ const STANDS_OUT: f64 = 5.0;
 const BELONGS: f64 = 0.2;
 /// At most so many places are left out, and this share of a recording. More is a cause, and no accident.
 const MOST_PLACES: usize = 4;
-const MOST_LEFT_OUT: f64 = 0.15;
+pub(super) const MOST_LEFT_OUT: f64 = 0.15;
 
 /// The data without such stretches, where `found` leaves more than noise and there are any. The greatest is left out
 /// first, since it biases the fit by which the others are found.

@@ -2,11 +2,12 @@
 //! buffer more slowly than they come falls behind, and loses some when the buffer is full. Its rows then have wrong times.
 //! A model that does not know it takes the lateness for a winding or a gap.
 
+use super::bad_stretches::MOST_LEFT_OUT;
 use super::channels::excluded;
 use super::judge::above_floor;
 use super::lateness::{at_once, errors, late_s, with_time_constant, without_lag};
 use super::select::usual_model;
-use crate::dataset::{Dataset, LateReadings};
+use crate::dataset::{Dataset, LateReadings, median};
 use crate::free_run::free_run;
 use crate::identify::{Effort, Fit, Prior, fit};
 use motorbench_model::Model;
@@ -15,6 +16,8 @@ use motorbench_model::Model;
 const LEAST_REST: f64 = 2.0;
 /// The lateness has to lower the cost to this share, as the times of commands have to.
 const LEAST_GAIN: f64 = 0.5;
+/// A lateness is another than usual if it differs by this share of its range.
+const ANOTHER: f64 = 0.25;
 /// Model and lateness are estimated in turn, this often...
 const ROUNDS: usize = 8;
 /// ... while that lowers the cost to this share.
@@ -47,18 +50,28 @@ pub(super) fn settled(data: Dataset, prior: &Prior) -> Dataset {
         let Some((retimed, found)) = &best else { break };
         let again = moved(&data, &without_lag(&found.model, prior), &errors(retimed, &found.prediction), prior);
         match again {
-            Some(again) if mean_square(&again.1) < CLOSER * mean_square(found) => best = Some(again),
-            _ => break,
+            Some(again) if mean_square(&again.1) >= CLOSER * mean_square(found) => break,
+            // Nothing is late beside a better model.
+            again => best = again,
         }
     }
     let explains = |found: &Fit| mean_square(found) < LEAST_GAIN * mean_square(&usual);
     best.filter(|(_, found)| explains(found)).map_or(data, |(retimed, _)| retimed)
 }
 
-/// The data with the lateness that brings them closest to a model, and the model fitted to them; `None` if it never jumps.
+/// The data with the lateness that brings them closest to a model, and the model fitted to them; `None` if it never jumps,
+/// or in one place alone.
 fn moved(data: &Dataset, model: &Model, errors: &[f64], prior: &Prior) -> Option<(Dataset, Fit)> {
     let (late_s, late) = late_s(data, &free_run(model, data), errors);
-    (late.jumps > 0).then(|| less_late(data, (&late_s, late), model, prior))
+    (late.jumps > 0 && is_throughout(&late_s)).then(|| less_late(data, (&late_s, late), model, prior))
+}
+
+/// Whether more rows than those of an accident are late by another time than usual.
+fn is_throughout(late_s: &[f64]) -> bool {
+    let usual_s = median(late_s.iter().copied());
+    let [least_s, most_s] = [f64::min, f64::max].map(|of| late_s.iter().copied().fold(usual_s, of));
+    let others = late_s.iter().filter(|late_s| (*late_s - usual_s).abs() > ANOTHER * (most_s - least_s)).count();
+    others as f64 > MOST_LEFT_OUT * late_s.len() as f64
 }
 
 /// The data with the lateness that was found, or with less of it everywhere, and the model fitted to them. A quick model
