@@ -449,7 +449,10 @@ mod tests {
                     let mean_a = period.iter().sum::<f64>() / STEPS as f64;
                     let bound_a = if duty * mean_a > 0.0 { swing.low_a } else { swing.high_a };
                     prop_assert!(mean_a.abs() > bound_a - 1e-2 * swing_a, "{mean_a} A, {bound_a} A");
-                    prop_assert!((found_a.abs() - bound_a).abs() < 1e-6 * swing_a, "{found_a} A, {bound_a} A");
+                    // Whether a current that hardly touches zero does so is decided by the steps.
+                    let nearest_a = period.iter().fold(f64::INFINITY, |nearest, current_a| nearest.min(current_a.abs()));
+                    let tolerated = if nearest_a > 1e-2 * swing_a { 1e-6 } else { 5e-3 };
+                    prop_assert!((found_a.abs() - bound_a).abs() < tolerated * swing_a, "{found_a} A, {bound_a} A");
                     if mean_a * duty > 0.0 {
                         for step in [STEPS / 30, STEPS / 4, STEPS / 2, 3 * STEPS / 4] {
                             let found_a = ripple.sampled_a(mean_a, (step + 1) as f64 / STEPS as f64, &volts);

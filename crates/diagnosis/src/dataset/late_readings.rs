@@ -37,11 +37,11 @@ impl LateReadings {
             growth if growth.abs() < 1e-4 => String::new(),
             growth => format!(", with {:.1} ms more each second", 1e3 * growth),
         };
+        let jumps = if self.jumps == 1 { "once".to_owned() } else { format!("{} times", self.jumps) };
         format!(
-            "The readings come {:.0} to {:.0} ms after their command{grows}, and the difference jumps {} times: the program that writes the rows falls behind and catches up. Each reading is compared at its own time, also in the held-out data. The intervals do not contain that uncertainty. Let the board send its time with each reading, or empty the buffer of the port faster than it fills.",
+            "The readings come {:.0} to {:.0} ms after their command{grows}, and the difference jumps {jumps}: the program that writes the rows falls behind and catches up. Each reading is compared at its own time, also in the held-out data. The intervals do not contain that uncertainty. Let the board send its time with each reading, or empty the buffer of the port faster than it fills.",
             1e3 * least_s,
-            1e3 * most_s,
-            self.jumps
+            1e3 * most_s
         )
     }
 }
