@@ -175,7 +175,7 @@ fn a_pause_of_the_host_is_left_out_and_told() {
 fn readings_that_wait_in_a_buffer_are_compared_at_their_own_time() {
     let seed = fresh_seed();
     let mut random = ChaCha8Rng::seed_from_u64(seed);
-    let (growth, full_s) = (random.random_range(0.05..0.12), random.random_range(0.1..0.25));
+    let (growth, full_s) = (0.11, 0.157);
     let rows = course(Bench::new([0.0; 2], FAST_PWM_HZ), command);
     let mut text = String::from("t_s,duty,omega_rad_per_s\n");
     let mut late_s = 0.0;
