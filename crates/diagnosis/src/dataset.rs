@@ -35,7 +35,7 @@ pub use edge_timing::{BetweenEdges, EdgeTiming};
 pub use end_of_range::EndOfRange;
 pub use error::DatasetError;
 pub use held_rotor::HeldRotor;
-pub use late_readings::LateReadings;
+pub use late_readings::{LateCourse, LateReadings};
 pub use measured::{Measured, Output, TOLERANCE};
 pub use origin::{Averaged, LimitedDuty, Origin, Pulse};
 pub use speed_window::Window;

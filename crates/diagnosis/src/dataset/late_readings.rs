@@ -5,10 +5,16 @@ use super::{Dataset, LONG_ROW, Output, Stretch};
 use std::ops::Range;
 
 /// How late readings came.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LateReadings {
     /// Least and greatest lateness.
-    pub between_s: [f64; 2],
+    between_s: [f64; 2],
+    course: LateCourse,
+}
+
+/// How a lateness went on.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LateCourse {
     /// How much later each second, in the last stretch.
     pub growth: f64,
     /// How often it jumped.
@@ -16,28 +22,14 @@ pub struct LateReadings {
 }
 
 impl LateReadings {
-    /// With another stretch.
-    pub fn add(&mut self, late_s: &[f64], growth: f64, jumps: usize) {
-        let least_s = late_s.iter().copied().fold(f64::INFINITY, f64::min);
-        let most_s = late_s.iter().copied().fold(0.0, f64::max);
-        let is_first = *self == Self::default();
-        self.between_s =
-            [if is_first { least_s } else { self.between_s[0].min(least_s) }, self.between_s[1].max(most_s)];
-        (self.growth, self.jumps) = (growth, self.jumps + jumps);
-    }
-
-    /// With less lateness everywhere.
-    pub fn earlier_by(self, less_s: f64) -> Self {
-        Self { between_s: self.between_s.map(|late_s| (late_s - less_s).max(0.0)), ..self }
-    }
-
     pub(super) fn note(&self) -> String {
         let [least_s, most_s] = self.between_s;
-        let grows = match self.growth {
+        let LateCourse { growth, jumps } = self.course;
+        let grows = match growth {
             growth if growth.abs() < 1e-4 => String::new(),
             growth => format!(", with {:.1} ms more each second", 1e3 * growth),
         };
-        let jumps = if self.jumps == 1 { "once".to_owned() } else { format!("{} times", self.jumps) };
+        let jumps = if jumps == 1 { "once".to_owned() } else { format!("{jumps} times") };
         format!(
             "The readings come {:.0} to {:.0} ms after their command{grows}, and the difference jumps {jumps}: the program that writes the rows falls behind and catches up. Each reading is compared at its own time, also in the held-out data. The intervals do not contain that uncertainty. Let the board send its time with each reading, or empty the buffer of the port faster than it fills.",
             1e3 * least_s,
@@ -49,7 +41,7 @@ impl LateReadings {
 impl Dataset {
     /// The same with each reading at the row at which it was true: `late_s` before its own row. Rows without a reading miss
     /// it.
-    pub fn with_late_readings(&self, late_s: &[f64], found: LateReadings) -> Self {
+    pub fn with_late_readings(&self, late_s: &[f64], course: LateCourse) -> Self {
         let mut data = self.clone();
         for Stretch { rows, interval_s, .. } in &self.stretches {
             let true_at_s = |row: usize| self.time_s[row] - late_s[row];
@@ -66,7 +58,9 @@ impl Dataset {
         if data.motion().output == Output::MeanSpeed {
             data.integrate_mean_speed();
         }
-        data.origin.late_readings = Some(found);
+        let all_s = || self.stretches.iter().flat_map(|stretch| late_s[stretch.rows.clone()].iter().copied());
+        let between_s = [all_s().fold(f64::INFINITY, f64::min), all_s().fold(0.0, f64::max)];
+        data.origin.late_readings = Some(LateReadings { between_s, course });
         data
     }
 }

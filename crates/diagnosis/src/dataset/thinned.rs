@@ -37,14 +37,15 @@ impl Dataset {
 
     /// How many rows become one; `None` where they stay.
     fn one_of(&self, window: Window) -> Option<usize> {
-        let most = (SHORTEST_ROW_S / self.interval_s + 1e-6) as usize;
+        // Rounded, since the times of a table are: rows of a sixth of a millisecond seem to be a little longer.
+        let usual = (SHORTEST_ROW_S / self.interval_s).round() as usize;
         // Rows of an open bridge are no mean of others, and the speed between edges has its own times.
         let can = self.current().is_none()
             && self.axis.drive.is_voltage()
             && !self.open.contains(&true)
             && matches!(self.motion().output, Output::Speed | Output::MeanSpeed | Output::AngleDifference);
         let is_whole = |one_of: &usize| window.span <= 1 || window.span.is_multiple_of(*one_of);
-        (2..=2 * most).filter(is_whole).min_by_key(|one_of| one_of.abs_diff(most)).filter(|_| can && most > 1)
+        (2..=2 * usual).filter(is_whole).min_by_key(|one_of| one_of.abs_diff(usual)).filter(|_| can && usual > 1)
     }
 }
 
@@ -112,8 +113,7 @@ mod tests {
         /// However fast it is recorded: of the moment, or as counts over some rows.
         #[test]
         fn a_fast_recording_keeps_its_speed_in_fewer_rows(
-            // Times that a table holds exactly.
-            rows_in_ms in prop::sample::select(vec![4_u32, 5, 8, 10]),
+            rows_in_ms in 3_u32..12,
             span in 1_u32..4,
         ) {
             let interval_s = 1e-3 / f64::from(rows_in_ms);

@@ -23,7 +23,7 @@ const ROUNDS: usize = 5;
 /// Shift for the numerical derivative, as a share of the row.
 const SHIFT: f64 = 0.1;
 /// The estimated times have to lower the cost to this share of that with the commands at their rows...
-const LEAST_GAIN: f64 = 0.5;
+pub(super) const LEAST_GAIN: f64 = 0.5;
 /// ... to this share for short row intervals, where commands are hardly missing...
 const LEAST_GAIN_OF_CLOSE_ROWS: f64 = 0.2;
 /// ... and times found with a poorer model, to this share of their previous cost.

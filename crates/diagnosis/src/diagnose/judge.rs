@@ -8,7 +8,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 /// Parts of this length count as independent.
-const BLOCK_S: f64 = 0.1;
+pub(super) const BLOCK_S: f64 = 0.1;
 /// Above this multiple of the noise floor an effect is missing.
 pub const NOT_NOISE: f64 = 1.15;
 

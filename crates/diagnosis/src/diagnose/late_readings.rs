@@ -4,18 +4,15 @@
 
 use super::bad_stretches::MOST_LEFT_OUT;
 use super::channels::excluded;
+use super::command_times::LEAST_GAIN;
 use super::judge::above_floor;
-use super::lateness::{at_once, errors, late_s, with_time_constant, without_lag};
-use super::select::usual_model;
-use crate::dataset::{Dataset, LateReadings, median};
+use super::lateness::{QUICK_S, at_once, errors, late_s, with_time_constant, without_lag};
+use super::select::{SMALL_REST, usual_model};
+use crate::dataset::{Dataset, LateCourse, median};
 use crate::free_run::free_run;
 use crate::identify::{Effort, Fit, Prior, fit};
 use motorbench_model::Model;
 
-/// A smaller rest, as a multiple of the noise, needs no search for a lateness.
-const LEAST_REST: f64 = 2.0;
-/// The lateness has to lower the cost to this share, as the times of commands have to.
-const LEAST_GAIN: f64 = 0.5;
 /// A lateness is another than usual if it differs by this share of its range.
 const ANOTHER: f64 = 0.25;
 /// Model and lateness are estimated in turn, this often...
@@ -25,7 +22,7 @@ const CLOSER: f64 = 0.9;
 /// Share of the first error that is expected of anything else.
 const NOT_LATENESS: f64 = 0.2;
 /// Time constants of the motors that the search begins with. One that is far off finds another lateness.
-const TIME_CONSTANTS_S: [f64; 3] = [4e-3, 0.02, 0.1];
+const TIME_CONSTANTS_S: [f64; 3] = [QUICK_S, 0.02, 0.1];
 /// First and last step in the search for what is the motor's own of a lateness.
 const FIRST_STEP_S: f64 = 0.02;
 const LAST_STEP_S: f64 = 1e-3;
@@ -36,7 +33,7 @@ pub(super) fn settled(data: Dataset, prior: &Prior) -> Dataset {
         return data;
     }
     let usual = usual_model(&data, prior, &excluded(&data));
-    if above_floor(&data, &usual) < LEAST_REST {
+    if above_floor(&data, &usual) < SMALL_REST {
         return data;
     }
     // What the usual model lacks is mostly the lateness. Later, as much as a model has lacked is expected again.
@@ -62,8 +59,8 @@ pub(super) fn settled(data: Dataset, prior: &Prior) -> Dataset {
 /// The data with the lateness that brings them closest to a model, and the model fitted to them; `None` if it never jumps,
 /// or in one place alone.
 fn moved(data: &Dataset, model: &Model, errors: &[f64], prior: &Prior) -> Option<(Dataset, Fit)> {
-    let (late_s, late) = late_s(data, &free_run(model, data), errors);
-    (late.jumps > 0 && is_throughout(&late_s)).then(|| less_late(data, (&late_s, late), model, prior))
+    let (late_s, course) = late_s(data, &free_run(model, data), errors);
+    (course.jumps > 0 && is_throughout(&late_s)).then(|| less_late(data, (&late_s, course), model, prior))
 }
 
 /// Whether more rows than those of an accident are late by another time than usual.
@@ -76,10 +73,10 @@ fn is_throughout(late_s: &[f64]) -> bool {
 
 /// The data with the lateness that was found, or with less of it everywhere, and the model fitted to them. A quick model
 /// takes the motor's own slowness for a lateness, and a model with that lateness stays quick.
-fn less_late(data: &Dataset, (late_s, late): (&[f64], LateReadings), model: &Model, prior: &Prior) -> (Dataset, Fit) {
+fn less_late(data: &Dataset, (late_s, course): (&[f64], LateCourse), model: &Model, prior: &Prior) -> (Dataset, Fit) {
     let by = |less_s: f64, model: &Model| {
         let less: Vec<f64> = late_s.iter().map(|late_s| (late_s - less_s).max(0.0)).collect();
-        let retimed = data.with_late_readings(&less, late.earlier_by(less_s));
+        let retimed = data.with_late_readings(&less, course);
         let found = fit(model, &retimed, prior, Effort::AGAIN);
         (retimed, found)
     };

@@ -4,7 +4,8 @@
 //! 13 (1967)): it grows evenly, and may jump at any time for a price. The simulation does not change, since only the
 //! readings move.
 
-use crate::dataset::{Dataset, LateReadings, Measured, Stretch};
+use super::judge;
+use crate::dataset::{Dataset, LateCourse, Measured, Stretch};
 use crate::free_run::Prediction;
 use crate::identify::Prior;
 use motorbench_model::Model;
@@ -14,12 +15,12 @@ use std::ops::Range;
 
 /// Readings in this time count as one: a jump within it is not seen.
 const BLOCK_S: f64 = 4e-3;
+/// Time constant of a motor that answers at once.
+pub(super) const QUICK_S: f64 = BLOCK_S;
 /// A buffer of 4096 bytes at 115,200 bits a second holds 0.36 s.
 const LATEST_S: f64 = 0.5;
 /// Price of a jump in natural units: it may be at any of some 5000 blocks, to any of some 100 times.
 const JUMP_NATS: f64 = 13.0;
-/// What a model lacks continues over this time, as in the judgement of gains: its blocks are not independent.
-const INDEPENDENT_S: f64 = 0.1;
 /// A block costs at most this: less than a jump, so that some readings that nothing explains cause none.
 const MOST_NATS: f64 = 6.0;
 /// Fastest growth that is tried, and the differences between two that are.
@@ -30,9 +31,9 @@ const FINE_GROWTH: f64 = 1e-3;
 const REFINED: usize = 2;
 
 /// The lateness of each reading that brings a prediction closest. `errors`: what is expected of each quantity.
-pub(super) fn late_s(data: &Dataset, prediction: &Prediction, errors: &[f64]) -> (Vec<f64>, LateReadings) {
+pub(super) fn late_s(data: &Dataset, prediction: &Prediction, errors: &[f64]) -> (Vec<f64>, LateCourse) {
     let mut late_s = vec![0.0; data.len()];
-    let mut found = LateReadings::default();
+    let mut course = LateCourse::default();
     for stretch in &data.stretches {
         let path = Path::of(data, stretch, prediction, errors);
         for rows in path.pieces(stretch) {
@@ -41,9 +42,9 @@ pub(super) fn late_s(data: &Dataset, prediction: &Prediction, errors: &[f64]) ->
             }
             refine(data, prediction, rows, stretch, &mut late_s);
         }
-        found.add(&late_s[stretch.rows.clone()], path.growth, path.jumps.len());
+        course = LateCourse { growth: path.growth, jumps: course.jumps + path.jumps.len() };
     }
-    (late_s, found)
+    (late_s, course)
 }
 
 /// The one lateness of all readings that brings a prediction closest, to a block.
@@ -250,12 +251,13 @@ impl Blocks {
     }
 
     /// What a block costs whose readings are late by a number of blocks and a part of one. A few readings that nothing
-    /// explains cost no more than a jump.
+    /// explains cost no more than a jump. What a model lacks continues over [`judge::BLOCK_S`], so that these blocks are
+    /// not independent.
     fn nats(&self, block: usize, late: usize, part: f64) -> f64 {
         let of = |quantity: &Quantity| {
             let at = |late: usize| quantity.expected[block.saturating_sub(late)];
             let left = quantity.read[block] - (at(late) * (1.0 - part) + at(late + 1) * part);
-            let nats = 0.5 * left * left * (self.block_s / INDEPENDENT_S).min(1.0);
+            let nats = 0.5 * left * left * (self.block_s / judge::BLOCK_S).min(1.0);
             if nats.is_finite() { nats / (1.0 + nats / MOST_NATS) } else { 0.0 }
         };
         self.quantities.iter().map(of).sum()

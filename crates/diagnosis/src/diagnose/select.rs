@@ -20,8 +20,6 @@ use std::collections::BTreeSet;
 
 /// Identifier of the delay.
 const DELAY: &str = "actuation_delay";
-/// Time constant of a motor that answers at once.
-const QUICK_S: f64 = 4e-3;
 /// Largest number of effects.
 const MOST_EFFECTS: usize = 7;
 /// An effect is tried further with this significance...
@@ -35,7 +33,7 @@ const SAME_SHARE: f64 = 0.02;
 /// one.
 pub(super) const NEAR: f64 = 10.0;
 /// Up to this multiple of the noise floor a rest may come from the simplifications of the laws.
-const SMALL_REST: f64 = 2.0;
+pub(super) const SMALL_REST: f64 = 2.0;
 
 /// A step from one model to a larger one.
 #[derive(Clone, Debug)]
@@ -224,7 +222,7 @@ impl Chooser<'_> {
     /// With the delay by which a quick motor agrees best with the readings. A fit that begins without one takes it for a
     /// slow winding, and does not come back.
     fn delayed(&self, usual: &Fit, delay: &'static dyn Effect) -> Model {
-        let quick = lateness::at_once(&lateness::with_time_constant(&usual.model, QUICK_S), self.prior);
+        let quick = lateness::at_once(&lateness::with_time_constant(&usual.model, lateness::QUICK_S), self.prior);
         let errors = lateness::errors(self.data, &usual.prediction);
         let late_s = lateness::constant_s(self.data, &self.fits.replay.free_run(&quick), &errors);
         quick.with(delay, vec![late_s])

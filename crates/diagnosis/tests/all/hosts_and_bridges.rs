@@ -189,7 +189,7 @@ fn readings_that_wait_in_a_buffer_are_compared_at_their_own_time() {
     }
     let found = diagnosed_at(FAST_PWM_HZ, &text, Some(0.0), "");
     let case = format!("seed {seed}, growth {growth}, full at {full_s} s");
-    assert_eq!(found.causes.first().map(|cause| cause.effect.as_str()), Some("coulomb_friction"), "{case}: {found:?}");
+    assert_eq!(names(&found), ["coulomb_friction"], "{case}: {found:?}");
     let note = found.advice.iter().find(|note| note.contains("falls behind and catches up"));
     assert!(note.is_some(), "{case}: {:?}", found.advice);
     let of = |name: &str| found.determined.get(name).map(|found| found.value);
