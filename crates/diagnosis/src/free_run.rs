@@ -64,6 +64,12 @@ impl Motion {
         }
     }
 
+    /// Whether the motor came to the end of each stretch with a current and a speed: what is not a number stays so.
+    pub(crate) fn is_finite(&self, data: &Dataset) -> bool {
+        let ends = data.stretches.iter().filter_map(|stretch| stretch.rows.clone().last());
+        ends.into_iter().all(|end| self.current_a[end].is_finite() && self.speed_rad_per_s[end].is_finite())
+    }
+
     /// The motor between a row and the next one of its stretch.
     pub(crate) fn instant(&self, data: &Dataset, row: usize) -> Instant {
         Instant {
@@ -124,7 +130,7 @@ pub fn position(model: &Model, data: &Dataset) -> Vec<f64> {
 
 /// A motion with the first-order response of the linear motor to a small added torque and voltage. Where the motor was at
 /// rest it stays at rest.
-pub fn nudged(model: &Model, data: &Dataset, motion: &Motion, added: impl Fn(&Instant) -> Balance) -> Motion {
+pub fn nudged(model: &Model, data: &Dataset, motion: &Motion, added: impl Fn(&Instant) -> Balance<'static>) -> Motion {
     let mut nudged = motion.clone();
     let inertia_kg_m2 = inertia_kg_m2(model);
     let mut step = LinearStep::default();

@@ -150,6 +150,13 @@ impl Model {
         Self { motor, terms: Vec::new() }
     }
 
+    /// Whether each of its constants is a finite number.
+    pub fn is_finite(&self) -> bool {
+        let of_motor = self.motor.named().into_iter().map(|(_, value)| value);
+        let of_terms = self.terms.iter().flat_map(|term| term.values.iter().copied());
+        of_motor.chain(of_terms).all(f64::is_finite)
+    }
+
     /// By how much the voltage comes later than it was asked for.
     pub fn delay_s(&self) -> f64 {
         self.terms.iter().map(|term| term.effect.delay_s(&term.values)).sum()

@@ -22,6 +22,8 @@ pub struct LinearStep {
     /// Voltage and torque that make a unit of current and of speed.
     inverse_gains: [f64; 2],
     resistance_ohm: f64,
+    /// Its inverse.
+    conductance_siemens: f64,
     torque_constant_nm_per_a: f64,
     /// Of the winding, over a step.
     inductance_over_step_ohm: f64,
@@ -60,6 +62,7 @@ impl LinearStep {
             open_speed_of: speed_of_torque(motor, inertia_kg_m2, step_s),
             inverse_gains,
             resistance_ohm: motor.resistance_ohm,
+            conductance_siemens: 1.0 / motor.resistance_ohm,
             torque_constant_nm_per_a: k,
             inductance_over_step_ohm: l / step_s,
             step_s,
@@ -123,8 +126,7 @@ impl LinearStep {
                 if is_whole { turned(current_a, left_a, free_a, before_and_after) } else { left_a }
             }
         };
-        // Quotients as products: they do not wait for what they scale.
-        let left_a = flowing_a * (1.0 / (1.0 + gain * terms.resistance_ohm));
+        let left_a = slowed(flowing_a, gain * terms.resistance_ohm);
         let lost_v = (free_a - left_a) * self.inverse_gains[0];
         let free = dot(&self.speed_of) - self.speed_of[2] * lost_v;
         let speed_rad_per_s = oppose_motion(speed, free, self.speed_of[3], terms);
@@ -133,7 +135,7 @@ impl LinearStep {
         // What the resistance takes on the average is what emf and inductance leave of the voltage.
         let emf_v = self.torque_constant_nm_per_a * 0.5 * (speed + speed_rad_per_s);
         let induced_v = self.inductance_over_step_ohm * (reached_a - current_a);
-        let mean_a = (inputs[2] - lost_v - emf_v - induced_v) * (1.0 / self.resistance_ohm);
+        let mean_a = (inputs[2] - lost_v - emf_v - induced_v) * self.conductance_siemens;
         Reached { current_a: reached_a, speed_rad_per_s, mean_a }
     }
 }
@@ -168,7 +170,13 @@ pub fn oppose_motion(before: f64, free: f64, gain: f64, terms: &Balance) -> f64 
     let backward = gain * terms.dry_backward_nm.max(0.0);
     let moving = if free > forward { free - forward } else { (free + backward).min(0.0) };
     let turned = turned(before, moving, free, || if before > 0.0 { [forward, backward] } else { [backward, forward] });
-    turned * (1.0 / (1.0 + gain * terms.viscous_nm_s))
+    slowed(turned, gain * terms.viscous_nm_s)
+}
+
+/// What a loss proportional to a value leaves of it. Mostly there is none, and a quotient takes long.
+#[inline]
+fn slowed(value: f64, loss: f64) -> f64 {
+    if loss == 0.0 { value } else { value / (1.0 + loss) }
 }
 
 /// What a dry loss leaves of something that has turned round in a step: until it did, the loss acted the other way. `left`:

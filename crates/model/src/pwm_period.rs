@@ -3,9 +3,6 @@
 
 /// A period of less than this share of the electrical time constant has straight lines.
 const STRAIGHT: f64 = 0.2;
-/// Steps of Newton's method for a current that reverses twice in each period, and how close they come, as a share of it.
-const NEWTON_STEPS: usize = 8;
-const NEWTON_CLOSENESS: f64 = 1e-6;
 
 /// What drives the current through a period, in the direction of positive motion.
 #[derive(Clone, Copy, Debug)]
@@ -31,6 +28,12 @@ pub struct Drops {
     pub off_v: f64,
 }
 
+impl Drops {
+    fn are_none(&self) -> bool {
+        self.pulse_v == 0.0 && self.return_v == 0.0 && self.off_v == 0.0
+    }
+}
+
 /// What works against a current, of what a positive and a negative one lose.
 #[inline]
 pub fn against(current_a: f64, [positive_v, negative_v]: [f64; 2]) -> f64 {
@@ -47,7 +50,7 @@ enum Way {
 }
 
 /// The PWM as the current sees it.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub struct Ripple {
     /// The direction of the drive; 0 without one.
     sense: f64,
@@ -59,10 +62,12 @@ pub struct Ripple {
     a_per_v: f64,
     /// The period over the electrical time constant; 0 for straight lines.
     decay: f64,
+    /// Of a period that does not touch zero, over the swing in straight lines.
+    shape: Shape,
 }
 
 /// A part of the period, and what a current becomes in it.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 struct Part {
     /// Of the period.
     share: f64,
@@ -70,6 +75,32 @@ struct Part {
     left: f64,
     /// What a volt makes of no current, as a share of what it makes over a whole period without resistance.
     gained: f64,
+}
+
+/// A period in which the current does not touch zero: as a [`Swing`], over the swing in straight lines.
+#[derive(Clone, Copy, Debug)]
+struct Shape {
+    decay: f64,
+    low: f64,
+    high: f64,
+    towards: f64,
+}
+
+impl Shape {
+    fn new(pulse: &Part, off: &Part, decay: f64) -> Self {
+        if decay == 0.0 || pulse.share * off.share == 0.0 {
+            return Self { decay: 0.0, low: 0.5, high: 0.5, towards: 0.0 };
+        }
+        // What a pulse without an end and an off phase without one lead to are so far apart.
+        let step = 1.0 / (pulse.share * off.share * decay);
+        let risen = decay * pulse.gained / (1.0 - pulse.left * off.left);
+        Self {
+            decay,
+            low: step * (pulse.share - risen * off.left),
+            high: step * (risen - pulse.share),
+            towards: step * off.share,
+        }
+    }
 }
 
 impl Part {
@@ -91,18 +122,29 @@ impl Part {
 }
 
 impl Ripple {
+    /// Without a PWM.
+    pub const NONE: Self = Self {
+        sense: 0.0,
+        pulse: Part { share: 0.0, left: 0.0, gained: 0.0 },
+        off: Part { share: 0.0, left: 0.0, gained: 0.0 },
+        a_per_v: 0.0,
+        decay: 0.0,
+        shape: Shape { decay: 0.0, low: 0.0, high: 0.0, towards: 0.0 },
+    };
+
     /// Of a motor at rest.
     pub fn new(inductance_h: f64, resistance_ohm: f64, pwm_hz: f64) -> Self {
         let decay = resistance_ohm / (inductance_h * pwm_hz);
         let decay = if decay < STRAIGHT { 0.0 } else { decay };
-        Self { a_per_v: 1.0 / (inductance_h * pwm_hz), decay, ..Self::default() }.with_duty(0.0)
+        Self { a_per_v: 1.0 / (inductance_h * pwm_hz), decay, ..Self::NONE }.with_duty(0.0)
     }
 
     /// The same with a duty from -1 to 1.
     pub fn with_duty(self, duty: f64) -> Self {
         let pulse = duty.abs().min(1.0);
         let sense = if duty == 0.0 { 0.0 } else { duty.signum() };
-        Self { sense, pulse: Part::new(pulse, self.decay), off: Part::new(1.0 - pulse, self.decay), ..self }
+        let (pulse, off) = (Part::new(pulse, self.decay), Part::new(1.0 - pulse, self.decay));
+        Self { sense, pulse, off, shape: Shape::new(&pulse, &off, self.decay), ..self }
     }
 
     /// What is lost over a period in which the current stays positive, and in which it stays negative.
@@ -150,13 +192,18 @@ impl Ripple {
     /// The current at the share `at` of a period with the mean `mean_a`.
     pub fn sampled_a(&self, mean_a: f64, at: f64, volts: &Volts) -> f64 {
         let driven_a = self.sense * mean_a;
+        // Without a drop it flows through zero as anywhere else.
+        let is_free = volts.drops.are_none();
         let way = if driven_a < 0.0 { Way::Against } else { Way::With };
         let swing = self.swing(volts, way);
         let is_clear = match way {
             Way::With => driven_a >= swing.low_a,
             Way::Against => driven_a <= -swing.high_a,
         };
-        if !is_clear && let Regime::Touching(cycle) = self.regime(volts) {
+        if !is_free
+            && !is_clear
+            && let Regime::Touching(cycle) = self.regime(volts)
+        {
             return mean_a + self.sense * self.a_per_v * (cycle.at_v(at) - cycle.mean_v());
         }
         mean_a + self.sense * swing.at_a(at)
@@ -177,21 +224,14 @@ impl Ripple {
     /// Of a period in which the PWM drives and the current does not touch zero.
     #[inline]
     fn swing(&self, volts: &Volts, way: Way) -> Swing {
-        let Self { pulse, off, decay, .. } = *self;
         let straight_a = self.straight_swing_a(volts, way);
-        if decay == 0.0 || pulse.share == 1.0 {
-            let half_a = 0.5 * straight_a;
-            return Swing { pulse: pulse.share, decay: 0.0, low_a: half_a, high_a: half_a, towards_a: 0.0 };
-        }
-        // What a pulse without an end and an off phase without one lead to are so far apart.
-        let step_a = straight_a / (pulse.share * off.share * decay);
-        let risen = decay * pulse.gained / (1.0 - pulse.left * off.left);
+        let Shape { decay, low, high, towards } = self.shape;
         Swing {
-            pulse: pulse.share,
+            pulse: self.pulse.share,
             decay,
-            low_a: step_a * (pulse.share - risen * off.left),
-            high_a: step_a * (risen - pulse.share),
-            towards_a: step_a * off.share,
+            low_a: low * straight_a,
+            high_a: high * straight_a,
+            towards_a: towards * straight_a,
         }
     }
 
@@ -226,7 +266,14 @@ impl Ripple {
             // The pulse drives and the off phase ends that, or the other way round.
             (true, false) => (0.0, from_rest_v),
             (false, true) => (to_rest_v, 0.0),
-            (true, true) => cycle.reversing_v(),
+            // Either part begins with what the other one left, and comes so much less far.
+            (true, true) => {
+                let less_high = pulse.left * rise_v / return_v;
+                let less_low = off.left * reverse_v / fall_v;
+                let low_v = (to_rest_v - less_low * from_rest_v) / (1.0 - less_high * less_low);
+                let low_v = low_v.max(0.0);
+                (low_v, (from_rest_v - less_high * low_v).max(0.0))
+            }
         };
         Regime::Touching(Cycle { low_v, high_v, ..cycle })
     }
@@ -309,38 +356,6 @@ impl Cycle {
         if self.decay == 0.0 { straight } else { (self.decay * straight).ln_1p() / self.decay }
     }
 
-    /// Below and above zero of a current that reverses in the pulse and in the off phase.
-    fn reversing_v(&self) -> (f64, f64) {
-        let Self { pulse, rise_v, return_v, fall_v, reverse_v, .. } = *self;
-        let off = 1.0 - pulse;
-        let high_v = (return_v * pulse / reverse_v - off) / (return_v / (rise_v * reverse_v) - 1.0 / fall_v);
-        let low_v = return_v * (pulse - high_v / rise_v);
-        if self.decay == 0.0 {
-            return (low_v, high_v);
-        }
-        // What a period makes of what is below zero at its beginning, and the derivative of that.
-        let round = |low_v: f64| {
-            let rising = (pulse - self.until_zero(low_v, return_v)).max(0.0);
-            let high_v = self.reached_v(rise_v, rising);
-            let reversing = (off - self.until_zero(high_v, fall_v)).max(0.0);
-            let slope = rise_v / (return_v + self.decay * low_v) * reverse_v / (fall_v + self.decay * high_v)
-                * (-self.decay * (rising + reversing)).exp();
-            (self.reached_v(reverse_v, reversing), slope, high_v)
-        };
-        let mut low_v = low_v.max(0.0);
-        let mut high_v = high_v;
-        for _ in 0..NEWTON_STEPS {
-            let (next_v, slope, high_now_v) = round(low_v);
-            high_v = high_now_v;
-            let change_v = (next_v - low_v) / (1.0 - slope);
-            low_v = (low_v + change_v).max(0.0);
-            if change_v.abs() <= NEWTON_CLOSENESS * (low_v + high_v) {
-                break;
-            }
-        }
-        (low_v, high_v)
-    }
-
     fn mean_v(&self) -> f64 {
         if self.decay != 0.0 {
             return self.balance_v() / self.decay;
@@ -370,7 +385,9 @@ impl Cycle {
             let driving_v = if since_zero < 0.0 { towards_v } else { from_v.max(0.0) };
             self.reached_v(driving_v, since_zero)
         };
-        if at < self.pulse {
+        if at == 0.0 {
+            -self.low_v
+        } else if at < self.pulse {
             around_zero(at - self.until_zero(self.low_v, self.return_v), [self.return_v, self.rise_v])
         } else {
             let since_zero = at - self.pulse - self.until_zero(self.high_v, self.fall_v);

@@ -134,7 +134,10 @@ impl Origin {
 
     /// Where in its PWM period a current of this time is sampled, as far as that is known.
     pub fn current_sampled_at(&self, time_s: f64) -> Option<f64> {
-        let at = |phase: f64| (phase + time_s * self.pwm_hz).rem_euclid(1.0);
+        let at = |phase: f64| {
+            let periods = phase + time_s * self.pwm_hz;
+            periods - periods.floor()
+        };
         self.timing.current_sampled_at.or(self.pwm_phase.map(at))
     }
 

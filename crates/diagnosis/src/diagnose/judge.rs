@@ -112,13 +112,19 @@ pub fn above_noise(data: &Dataset, fit: &Fit) -> f64 {
     worst(data, fit, |_, noise| noise)
 }
 
+/// The same over its floor, for the channel of the motion.
+pub fn motion_above_floor(data: &Dataset, fit: &Fit) -> f64 {
+    ratio(data, fit, data.motion_index(), Measured::least_error)
+}
+
 /// Greatest ratio of the error to `floor` of a channel's noise.
 fn worst(data: &Dataset, fit: &Fit, floor: impl Fn(&Measured, f64) -> f64) -> f64 {
-    let ratio = |output: usize| {
-        let noise = noise(data, &fit.residual_of(data, output), output);
-        rmse(data, &fit.prediction, output) / floor(&data.measured[output], noise)
-    };
-    (0..data.measured.len()).map(ratio).fold(0.0, f64::max)
+    (0..data.measured.len()).map(|output| ratio(data, fit, output, &floor)).fold(0.0, f64::max)
+}
+
+fn ratio(data: &Dataset, fit: &Fit, output: usize, floor: impl Fn(&Measured, f64) -> f64) -> f64 {
+    let noise = noise(data, &fit.residual_of(data, output), output);
+    rmse(data, &fit.prediction, output) / floor(&data.measured[output], noise)
 }
 
 /// 100 (1 - |y - prediction| / |y - mean y|) on the held-out data.

@@ -5,7 +5,7 @@
 use super::bad_stretches::MOST_LEFT_OUT;
 use super::channels::excluded;
 use super::command_times::LEAST_GAIN;
-use super::judge::above_floor;
+use super::judge::motion_above_floor;
 use super::lateness::{QUICK_S, at_once, errors, late_s, with_time_constant, without_lag};
 use super::select::{SMALL_REST, usual_model};
 use crate::dataset::{Dataset, LateCourse, median};
@@ -33,19 +33,23 @@ pub(super) fn settled(data: Dataset, prior: &Prior) -> Dataset {
         return data;
     }
     let usual = usual_model(&data, prior, &excluded(&data));
-    if above_floor(&data, &usual) < SMALL_REST {
+    // Readings of the motion are late with those of the current.
+    if motion_above_floor(&data, &usual) < SMALL_REST {
         return data;
     }
-    // What the usual model lacks is mostly the lateness. Later, as much as a model has lacked is expected again.
-    let of_rest: Vec<f64> = errors(&data, &usual.prediction).into_iter().map(|error| NOT_LATENESS * error).collect();
+    // What the usual model lacks is mostly the lateness. Later, as much is expected as the best model so far has lacked.
+    let mut expected: Vec<f64> = errors(&data, &usual.prediction);
+    expected.iter_mut().for_each(|error| *error *= NOT_LATENESS);
     let first = TIME_CONSTANTS_S.into_iter().filter_map(|time_constant_s| {
         let model = at_once(&with_time_constant(&usual.model, time_constant_s), prior);
-        moved(&data, &model, &of_rest, prior)
+        moved(&data, &model, &expected, prior)
     });
     let mut best = first.min_by(|(_, one), (_, other)| mean_square(one).total_cmp(&mean_square(other)));
     for _ in 1..ROUNDS {
         let Some((retimed, found)) = &best else { break };
-        let again = moved(&data, &without_lag(&found.model, prior), &errors(retimed, &found.prediction), prior);
+        let lacked = errors(retimed, &found.prediction);
+        expected.iter_mut().zip(lacked).for_each(|(expected, lacked)| *expected = expected.min(lacked));
+        let again = moved(&data, &without_lag(&found.model, prior), &expected, prior);
         match again {
             Some(again) if mean_square(&again.1) >= CLOSER * mean_square(found) => break,
             // Nothing is late beside a better model.

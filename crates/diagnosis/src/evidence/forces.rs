@@ -192,7 +192,8 @@ impl<'a> Losses<'a> {
 
     /// What they add at an instant; their memories go on over its step.
     fn force(&mut self, motor: &MotorParameters, at: &Instant, ripple: Ripple) -> Force {
-        let mut sum = Balance { ripple: ripple.with_duty(at.duty), ..Balance::default() };
+        let ripple = ripple.with_duty(at.duty);
+        let mut sum = Balance { ripple: &ripple, ..Balance::default() };
         for (term, memory) in &mut self.terms {
             term.effect.contribute(&term.values, motor, at, memory, &mut sum);
         }

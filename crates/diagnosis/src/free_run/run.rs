@@ -62,8 +62,22 @@ pub(super) struct Run<'a> {
     lately: VecDeque<Passed>,
     /// The PWM with the last duty.
     driven: (f64, Ripple),
-    /// Conditions of the previous step.
-    before: Option<(Instant, Balance)>,
+    before: Option<Before>,
+}
+
+/// Conditions of the previous step.
+#[derive(Clone, Copy)]
+struct Before {
+    at: Instant,
+    /// But for its ripple.
+    terms: Balance<'static>,
+    ripple: Ripple,
+}
+
+impl Before {
+    fn terms(&self) -> Balance<'_> {
+        Balance { ripple: &self.ripple, ..self.terms }
+    }
 }
 
 impl<'a> Run<'a> {
@@ -135,8 +149,8 @@ impl<'a> Run<'a> {
         for piece in cut.row(index - self.range.start) {
             charge += piece.length_s * self.simulate(index, piece, sampled_at.is_some());
         }
-        if let Some((sampled_at, (at, terms))) = sampled_at.zip(self.before.as_ref()) {
-            self.ripple_a = self.above_mean_a(at, terms, sampled_at);
+        if let Some((sampled_at, before)) = sampled_at.zip(self.before.as_ref()) {
+            self.ripple_a = self.above_mean_a(&before.at, &before.terms(), sampled_at);
         }
         for term in &self.angle_sensor {
             self.lost_rad += term.effect.lost_rad_per_s(&term.values, self.speed_rad_per_s) * interval_s;
@@ -179,7 +193,7 @@ impl<'a> Run<'a> {
         let motor = &self.model.motor;
         let ripple = self.ripple(at.duty);
         let dry_drop_v = self.data.origin.hidden_drop_v;
-        let mut terms = Balance { torque_nm: -load_nm, dry_drop_v, ripple, ..Balance::default() };
+        let mut terms = Balance { torque_nm: -load_nm, dry_drop_v, ripple: &ripple, ..Balance::default() };
         for Acting { effect, values, state } in &mut self.acting {
             effect.contribute(values, motor, at, state, &mut terms);
         }
@@ -195,7 +209,7 @@ impl<'a> Run<'a> {
             }
         }
         if is_kept {
-            self.before = Some((*at, terms));
+            self.before = Some(Before { at: *at, terms: Balance { ripple: &Ripple::NONE, ..terms }, ripple });
         }
         if self.switched.is_some() {
             self.lately.push_back(Passed { length_s: at.step_s, mean_a: reached.mean_a, end_a: reached.current_a });
@@ -244,10 +258,11 @@ impl<'a> Run<'a> {
     /// ripple. Between the two directions that is the whole ripple. It decays with the winding, as with a smaller
     /// inductance.
     fn change_duty(&mut self, voltage_v: f64, duty: f64) {
-        let Some((at, terms)) = self.before.as_ref().filter(|(at, _)| at.duty != duty && !at.open) else { return };
-        let begun = self.above_mean_a(at, terms, 0.0);
-        let (at, terms) = (Instant { voltage_v, duty, ..*at }, *terms);
-        let terms = Balance { ripple: self.ripple(duty), ..terms };
+        let Some(before) = self.before.filter(|before| before.at.duty != duty && !before.at.open) else { return };
+        let begun = self.above_mean_a(&before.at, &before.terms(), 0.0);
+        let at = Instant { voltage_v, duty, ..before.at };
+        let ripple = self.ripple(duty);
+        let terms = Balance { ripple: &ripple, ..before.terms };
         self.current_a += begun - self.above_mean_a(&at, &terms, 0.0);
     }
 
@@ -265,7 +280,8 @@ impl<'a> Run<'a> {
         if at.open || at.duty == 0.0 {
             return 0.0;
         }
-        let sampled_at = (sampled_at - self.data.origin.pulse.begins_at(at.duty)).rem_euclid(1.0);
+        let since_pulse = sampled_at - self.data.origin.pulse.begins_at(at.duty);
+        let sampled_at = if since_pulse < 0.0 { since_pulse + 1.0 } else { since_pulse };
         let volts = self.step.volts(at.current_a, at.speed_rad_per_s, at.voltage_v, terms);
         terms.ripple.sampled_a(at.current_a, sampled_at, &volts) - at.current_a
     }

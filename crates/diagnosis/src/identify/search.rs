@@ -6,7 +6,7 @@ use super::sensitivities::Sensitivities;
 use super::unknown_scale::UnknownScale;
 use super::unknowns::{Unknown, prior_cost, unknowns};
 use super::{Effort, Fit, Prior, square, weighted_residual};
-use crate::free_run::{Prediction, Replay};
+use crate::free_run::{Prediction, Replay, Steps, read};
 use motorbench_model::Model;
 use nalgebra::DVector;
 use std::sync::OnceLock;
@@ -45,9 +45,15 @@ struct Known {
 
 impl Point {
     fn new(model: Model, replay: &Replay, unknowns: &[Unknown]) -> Self {
-        let prediction = replay.free_run(&model);
+        let motion = replay.drive(&model, Steps::Fine);
+        // A missing value costs nothing, but one that the model cannot simulate is not missing.
+        let is_simulated = model.is_finite() && motion.is_finite(replay.data);
+        let prediction = read(&model, replay.data, motion);
         let residual = weighted_residual(replay.data, &prediction);
-        let cost = square(&residual) + prior_cost(&model, unknowns);
+        let cost = match is_simulated {
+            true => square(&residual) + prior_cost(&model, unknowns),
+            false => f64::INFINITY,
+        };
         Self { model, prediction, residual, cost }
     }
 }
@@ -198,5 +204,35 @@ impl Known {
     fn correct(&mut self, moved: &DVector<f64>, changed: &[f64], besides: Option<&DVector<f64>>) {
         self.sensitivities.correct(moved, changed, besides);
         self.is_simulated = false;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dataset::Dataset;
+    use motorbench_data::recording::Recording;
+    use motorbench_data::rig::Rig;
+    use motorbench_model::catalogue::effect;
+
+    /// Otherwise it would explain everything: what it lacks counts as missing readings.
+    #[test]
+    fn a_model_that_cannot_be_simulated_costs_more_than_any_other() {
+        let rows = (0..200).map(|row| format!("{:.3},12,{}\n", f64::from(row) * 1e-3, row.min(100)));
+        let text: String = std::iter::once("t_s,u_V,omega_rad_per_s\n".to_owned()).chain(rows).collect();
+        let recording = Recording::parse("run.csv", text.as_bytes(), &[]).unwrap();
+        let rig = Rig::parse("rig.toml", "[supply]\nvoltage_V = 12\n").unwrap();
+        let data = Dataset::new(&[recording], &rig).unwrap();
+        let prior = Prior::new(&rig.motor, &data);
+        let (replay, linear) = (Replay::new(&data), Model::linear(prior.motor));
+        let cost = |model: &Model| Search::new(model, &replay, &prior).run(Effort::NONE).cost;
+        assert!(cost(&linear).is_finite());
+        // One acts on the motor, the other one on its sensor.
+        for id in ["quadratic_drag", "tacho_ripple"] {
+            let effect = effect(id).unwrap();
+            let mut values = effect.starts(&crate::identify::scales(&prior.motor, &data)).swap_remove(0);
+            values[0] = f64::NAN;
+            assert_eq!(cost(&linear.with(effect, values)), f64::INFINITY, "{id}");
+        }
     }
 }

@@ -68,12 +68,12 @@ macro_rules! shared {
 
 shared! {
     /// Nothing is hidden.
-    clean: 1, Recipe::of(&[]);
+    clean: 1, short(Recipe::of(&[]));
     /// Coulomb friction, with every column.
-    rubbing: 2, Recipe::of(&[Effect::CoulombFriction]);
+    rubbing: 2, short(Recipe::of(&[Effect::CoulombFriction]));
     /// The same effect, without a current.
     rubbing_without_current: 4,
-        Recipe { channels: Channels::VoltageSpeed, ..Recipe::of(&[Effect::CoulombFriction]) };
+        short(Recipe { channels: Channels::VoltageSpeed, ..Recipe::of(&[Effect::CoulombFriction]) });
     /// Both dry effects, behind a duty and counts.
     dry: 3, Recipe {
         channels: Channels::DutyCountsCurrent,
@@ -82,5 +82,5 @@ shared! {
     /// Something that the catalogue does not know.
     shaken: 2000, short(Recipe::of(&[Effect::OutsideShaker]));
     /// The same on a rig with friction and drop.
-    shaken_rig: 14, Recipe::of(&[Effect::OutsideShaker]).on_real_rig().with_random_strengths(14);
+    shaken_rig: 14, short(Recipe::of(&[Effect::OutsideShaker]).on_real_rig().with_random_strengths(14));
 }

@@ -80,7 +80,7 @@ fn a_drop_may_differ_between_directions() {
 #[test]
 fn a_recording_may_begin_in_motion() {
     for (seed, effect) in in_the_suite([(1, Effect::ShaftCompliance), (2, Effect::Backlash)]) {
-        let mut trial = draw(seed, &Recipe::of(&[effect]).on_real_rig());
+        let mut trial = draw(seed, &short(Recipe::of(&[effect]).on_real_rig()));
         let rows: Vec<&str> = trial.csv.lines().collect();
         let turns =
             |row: &&str| row.split(',').nth(4).is_some_and(|speed| speed.parse::<f64>().is_ok_and(|w| w > 60.0));

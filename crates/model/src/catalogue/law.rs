@@ -73,14 +73,14 @@ pub struct Instant {
 }
 
 /// Terms of the two equations; see the module.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Balance {
+#[derive(Clone, Copy, Debug)]
+pub struct Balance<'a> {
     /// Voltage that drives the current, in volts.
     pub voltage_v: f64,
     /// Resistance in series, in ohms.
     pub resistance_ohm: f64,
     /// The PWM: while the current touches zero in each period, a drop does not act one way alone.
-    pub ripple: Ripple,
+    pub ripple: &'a Ripple,
     /// Voltage that works against the current, whichever way it flows, and lets none start below it.
     pub dry_drop_v: f64,
     /// Current over which the drop comes up, where it acts on the mean over a period of the PWM. 0: it acts at every
@@ -100,7 +100,26 @@ pub struct Balance {
     pub dry_backward_nm: f64,
 }
 
-impl Balance {
+impl Default for Balance<'_> {
+    #[inline]
+    fn default() -> Self {
+        Self {
+            voltage_v: 0.0,
+            resistance_ohm: 0.0,
+            ripple: &Ripple::NONE,
+            dry_drop_v: 0.0,
+            knee_a: 0.0,
+            off_excess_v: 0.0,
+            return_excess_v: 0.0,
+            torque_nm: 0.0,
+            viscous_nm_s: 0.0,
+            dry_forward_nm: 0.0,
+            dry_backward_nm: 0.0,
+        }
+    }
+}
+
+impl Balance<'_> {
     /// What is lost in the parts of a period of the PWM.
     #[inline]
     pub fn drops(&self) -> Drops {

@@ -155,16 +155,20 @@ impl Chooser<'_> {
         Some((best, step))
     }
 
-    /// Fits from many starts with their expected costs. The most promising ones are fitted first. The others end where they
-    /// cannot become better than those.
+    /// Fits from many starts with their expected costs, the most promising ones first. A fit ends where it cannot become
+    /// better than those before, and all of them end when several in turn did not.
     fn best_first(&self, mut starts: Vec<(f64, Model)>) -> Vec<Fit> {
         starts.sort_by(|a, b| a.0.total_cmp(&b.0));
         let mut fits: Vec<Fit> = Vec::new();
+        let least = |fits: &[Fit]| fits.iter().map(|fit| fit.cost).fold(f64::INFINITY, f64::min);
         for batch in starts.chunks(AT_A_TIME) {
-            let least = fits.iter().map(|fit| fit.cost).fold(f64::INFINITY, f64::min);
-            let effort = Effort::TRIAL.useless_above(least);
+            let before = least(&fits);
+            let effort = Effort::TRIAL.useless_above(before);
             let fitted = batch.into_par_iter().map(|(_, model)| self.fits.fit(model, effort));
             fits.extend(fitted.collect::<Vec<_>>());
+            if least(&fits) >= before {
+                break;
+            }
         }
         fits
     }
