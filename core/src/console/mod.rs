@@ -7,10 +7,13 @@
 //! Everything the console says stands in flash, as texts in which `%` and a letter stand for a value (see
 //! `Console::field`). What a command expects is read from the text that `help` shows for it.
 
+mod commands;
 mod line;
+mod machine;
 pub mod number;
 #[cfg(not(target_arch = "avr"))]
 mod reference;
+mod texts;
 
 #[cfg(not(target_arch = "avr"))]
 pub use reference::{explanation, reference};
@@ -22,101 +25,18 @@ use crate::flash_text::{self, FlashText, Table};
 use crate::message::{Mode, Request, Sample, State, Trip, WAITING};
 use crate::protocol::{self, FRAME, Framer, TEXT_CHUNK};
 use crate::settings::{self, BuildError, Param, Settings};
-use crate::storage::{self, Eeprom, Saver};
+use crate::storage::{self, Saver};
 use crate::units::{AMPERE, FULL_RANGE, Rule, VOLT};
+#[cfg(not(target_arch = "avr"))]
+use commands::COMMAND_HELP;
+pub(crate) use commands::COMMAND_TEXT;
+use commands::{COMMAND_COUNT, Command};
 use line::{Edit, LineEditor};
+pub use machine::{Counters, Machine, ResetCause};
 use number::Decimal;
-
-/// What the console can do to the machine: over interrupts on the Uno, over a plain control loop on the host.
-pub trait Machine {
-    /// Where the settings are kept.
-    type Memory: Eeprom;
-    /// Hands a request to the next tick.
-    fn request(&mut self, request: Request);
-    /// Waits for the next tick and notes its sample, and the counters and states that are not part of one.
-    fn look(&mut self, sample: &mut Sample, counters: &mut Counters);
-    /// Builds the configuration and lets it take effect at one tick boundary.
-    ///
-    /// # Errors
-    /// The setting that does not fit its fixed-point format; nothing has changed then.
-    fn configure(&mut self, settings: &Settings) -> Result<(), BuildError>;
-    /// The memory of the settings.
-    fn memory(&mut self) -> &mut Self::Memory;
-    /// Sends a byte; waits until it is on its way.
-    fn send(&mut self, byte: u8);
-    /// The host has said something valid.
-    fn host_spoke(&mut self);
-    /// Notes whether the host goes on talking, without reading it. The console asks for it between the lines of a reply,
-    /// which may last longer than the host may be silent.
-    fn listen(&mut self);
-}
-
-/// What `status` shows beside the sample.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Counters {
-    /// Illegal transitions of the encoder.
-    pub illegal_transitions: u16,
-    /// Received bytes that were lost.
-    pub overruns: u8,
-    /// Bytes that could not be sent.
-    pub unsent: u8,
-    /// Samples the main loop could not take in time.
-    pub dropped: u16,
-    /// Bytes of the stack that were never used.
-    pub stack_free: u16,
-    /// Ticks since the latched trip.
-    pub since_trip: u32,
-    /// Why the chip was reset.
-    pub reset_cause: ResetCause,
-    /// A zero calibration of the current is running.
-    pub zeroing: bool,
-    /// The last zero calibration succeeded.
-    pub zero_ok: bool,
-}
-
-/// Why the chip was reset.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[repr(u8)]
-pub enum ResetCause {
-    /// The bootloader has taken the flags with it.
-    #[default]
-    Unknown = 0,
-    /// Power came on.
-    PowerOn = 1,
-    /// The reset button, or the host opened the port.
-    External = 2,
-    /// The supply of the board broke down.
-    BrownOut = 3,
-    /// The watchdog.
-    Watchdog = 4,
-    /// The main loop hung; the tick switched the drive off.
-    MainLoopHung = 5,
-    /// The program panicked; it switched the drive off.
-    Panic = 6,
-    /// The stack grew into the variables; the tick switched the drive off.
-    StackOverflow = 7,
-}
-
-macro_rules! commands {
-    ($($variant:ident $name:literal $arguments:literal $help:literal;)*) => {
-        /// The commands, in the order of `COMMAND_TEXT`.
-        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-        #[repr(u8)]
-        enum Command { $($variant),* }
-
-        const COMMANDS: &[Command] = &[$(Command::$variant),*];
-
-        avr_progmem::progmem! {
-            static progmem FORMS: [Form; COMMANDS.len()] = [$(Form::of($arguments)),*];
-        }
-        const COMMAND_COUNT: u8 = COMMANDS.len() as u8;
-        /// Name and arguments of each.
-        pub(crate) const COMMAND_TEXT: &str = concat!($($name, "\0", $arguments, "\0"),*);
-        /// What each does, in one line. The chip does not carry these: the host program shows them.
-        #[cfg(not(target_arch = "avr"))]
-        const COMMAND_HELP: [&str; COMMANDS.len()] = [$($help),*];
-    };
-}
+pub use texts::trip_text;
+pub(crate) use texts::{SAYINGS, WORDS};
+use texts::{Say, Word};
 
 /// The arguments of a command, in one byte of flash: how many at least (0..=7), and how many at most (0..=15). Bit 7 is set
 /// if the first is one of a choice of words.
@@ -161,120 +81,8 @@ impl Form {
     }
 }
 
-// A command is searched for in this order. Those that steer a running motor come first: they must not hold up the
-// telemetry. The second text gives the arguments, and the command's form is made of it. Words in lower case are the choice
-// of the first argument, and words in capitals are values. Those in brackets may be left out, and `...` goes on to the end
-// of the line.
-commands! {
-    Reference "ref" "VALUE" "V -32..32 (open), rad/s within speed_range (speed), rad (position)";
-    Mode "mode" "off|open|speed|position|lqr_speed|lqr_position" "who sets the voltage";
-    Alive "alive" "" "keep-alive, see trip_host";
-    Stop "stop" "" "mode off, motor brakes, stays armed";
-    Disarm "disarm" "" "bridge off, motor coasts";
-    Arm "arm" "" "allow the drive; mode is off";
-    Set "set" "NAME VALUE [NAME VALUE ...]" "change settings, all or none, at one tick";
-    Status "status" "" "state, measurements, counters";
-    Show "show" "[NAME]" "settings: value, unit, range";
-    Sequence "sequence" "steps|ramp|stairs|prbs|levels|chirp|coast|identify AMPLITUDE [OFFSET PERIOD COUNT SEED]" "play as reference: unit of the mode, PERIOD in ms; numbers 0..65535, less where a kind needs it";
-    Record "record" "steps|ramp|stairs|prbs|levels|chirp|coast|identify AMPLITUDE [OFFSET PERIOD COUNT SEED]" "the same, in a binary stream";
-    Stream "stream" "off|text|binary [DIVIDER]" "every DIVIDERth tick, 1..255";
-    Zero "zero" "current|position" "present value is zero; disarmed";
-    Clear "clear" "" "forget a trip";
-    Save "save" "" "settings to EEPROM";
-    Load "load" "" "from EEPROM";
-    Defaults "defaults" "" "settings as built";
-    Echo "echo" "off|on" "repeat input";
-    Version "version" "" "firmware, settings";
-    Help "help" "" "the commands; settings: show";
-}
-
-macro_rules! texts {
-    ($enumeration:ident $table:ident: $($name:ident $text:expr;)*) => {
-        /// Texts by name; the discriminant is the place in the table.
-        #[derive(Clone, Copy, PartialEq, Eq)]
-        #[repr(u8)]
-        #[allow(dead_code, reason = "most words are reached by their distance from the first of their kind")]
-        enum $enumeration { $($name),* }
-
-        pub(crate) const $table: &str = concat!($($text, "\0"),*);
-    };
-}
-
-texts! { Say SAYINGS:
-    Ok "ok";
-    Error "error: ";
-    UnknownCommand "unknown command, see help";
-    LineRefused "line too long or not ASCII";
-    Usage "expected %0 %1";
-    NoSuchSetting "no such setting";
-    TripLatched "trip %T %t, %A s ago; clear it";
-    NotLoaded "saved settings are of another version: not loaded, defaults in force; save, set, load or defaults first";
-    NotArmed "arm first";
-    DisarmFirst "disarm first";
-    SaveRunning "save still running";
-    NothingSaved "nothing saved by this version";
-    Range "%3 expected a number in %4 %l..%h";
-    Limit "expected a number in -%L..%L";
-    PeriodLimit "expected PERIOD 0..%L";
-    CountLimit "expected COUNT 0..%L";
-    Build "%3 %b";
-    NoReference "mode is off";
-    ZeroRefused "zero refused: a current flows";
-    Command "%0 %1";
-    Setting "%3 %x %4 %l..%h";
-    Version "motorbench %V, settings %S";
-    ResetCause "reset: %R";
-    State "mode %m armed %a trip %T %t";
-    Measured "reference %r position %p rad, speed %s rad/s, current %c A, duty %d percent, supply %v V";
-    Counted "illegal transitions %i, serial overruns %o, unsent bytes %u, dropped samples %D, stack free %f, reset: %R";
-    Done "done: %k samples, dropped %K";
-    Saved "saved";
-    Plot "reference:%r,position:%p,speed:%s,current:%c,duty:%d";
-}
-
-// In the order of the trips, the reset causes and the rules, so that a number of each is a place here.
-texts! { Word WORDS:
-    Trips "none";
-    OverCurrentPeak "over-current, peak";
-    OverCurrentThermal "over-current, thermal";
-    Stall "stall: driven, not turning";
-    EncoderSilent "encoder silent: driven, no counts";
-    Runaway "runaway: wrong feedback sign";
-    SensorRange "current sensor: a rail, or current when off";
-    SupplyRange "supply out of range";
-    EmergencyStop "emergency stop";
-    HostLost "host silent";
-    MainLoopHung "main loop hung";
-    EncoderTooFew "encoder counts too few";
-    EncoderLines "encoder line open or shorted";
-    ConverterSilent "converter silent";
-    StackOverflow "stack overflow";
-    ResetCauses "unknown";
-    PowerOn "power on";
-    External "external";
-    BrownOut "brown-out";
-    Watchdog "watchdog";
-    ResetMainLoopHung "main loop hung";
-    Panic "panic";
-    ResetStack "stack overflow";
-    Rules "is too large for fixed point";
-    TooSmall "is below its range";
-    RoundsToZero "rounds to zero in fixed point";
-    NotPowerOfTwo "must be a power of two";
-    NotAllowed "is not allowed";
-    NotFinite "must be a number";
-    Version env!("CARGO_PKG_VERSION");
-    Modes "off";
-    OpenLoop "open";
-    SpeedPid "speed";
-    PositionPid "position";
-    SpeedLqr "lqr_speed";
-    PositionLqr "lqr_position";
-}
-
-/// The words for a trip, as `status` has them.
-pub fn trip_text(trip: Trip) -> FlashText {
-    FlashText::of(Table::Words, Word::Trips as u8 + trip as u8)
+avr_progmem::progmem! {
+    static progmem FORMS: [Form; COMMAND_COUNT as usize] = commands::FORMS;
 }
 
 /// What is streamed, by the place of the word in the command's choice.
