@@ -40,6 +40,7 @@ use texts::{Say, Word};
 
 /// The arguments of a command, in one byte of flash: how many at least (0..=7), and how many at most (0..=15). Bit 7 is set
 /// if the first is one of a choice of words.
+// It stands here and not beside the commands: there the firmware would be larger than the flash.
 #[derive(Clone, Copy)]
 struct Form(u8);
 

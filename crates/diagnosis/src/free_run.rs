@@ -65,9 +65,9 @@ impl Motion {
     }
 
     /// Whether the motor came to the end of each stretch with a current and a speed: what is not a number stays so.
-    pub(crate) fn is_finite(&self, data: &Dataset) -> bool {
-        let ends = data.stretches.iter().filter_map(|stretch| stretch.rows.clone().last());
-        ends.into_iter().all(|end| self.current_a[end].is_finite() && self.speed_rad_per_s[end].is_finite())
+    fn is_finite(&self, data: &Dataset) -> bool {
+        let mut ends = data.stretches.iter().filter_map(|stretch| stretch.rows.clone().last());
+        ends.all(|end| self.current_a[end].is_finite() && self.speed_rad_per_s[end].is_finite())
     }
 
     /// The motor between a row and the next one of its stretch.

@@ -143,7 +143,10 @@ fn located(model: &Model, replay: &Replay, term: usize, index: usize, spacing: f
     let cost = |value: f64| {
         let mut moved = model.clone();
         moved.terms[term].values[index] = value;
-        let prediction = replay.free_run(&moved);
+        let (prediction, is_possible) = replay.simulated(&moved);
+        if !is_possible {
+            return f64::INFINITY;
+        }
         let squares = replay.data.measured.iter().zip(&prediction).flat_map(|(measured, predicted)| {
             measured
                 .values

@@ -62,8 +62,8 @@ pub struct Ripple {
     a_per_v: f64,
     /// The period over the electrical time constant; 0 for straight lines.
     decay: f64,
-    /// Of a period that does not touch zero, over the swing in straight lines.
-    shape: Shape,
+    /// Of a period that does not touch zero and swings by one ampere in straight lines.
+    of_one_ampere: Swing,
 }
 
 /// A part of the period, and what a current becomes in it.
@@ -75,32 +75,6 @@ struct Part {
     left: f64,
     /// What a volt makes of no current, as a share of what it makes over a whole period without resistance.
     gained: f64,
-}
-
-/// A period in which the current does not touch zero: as a [`Swing`], over the swing in straight lines.
-#[derive(Clone, Copy, Debug)]
-struct Shape {
-    decay: f64,
-    low: f64,
-    high: f64,
-    towards: f64,
-}
-
-impl Shape {
-    fn new(pulse: &Part, off: &Part, decay: f64) -> Self {
-        if decay == 0.0 || pulse.share * off.share == 0.0 {
-            return Self { decay: 0.0, low: 0.5, high: 0.5, towards: 0.0 };
-        }
-        // What a pulse without an end and an off phase without one lead to are so far apart.
-        let step = 1.0 / (pulse.share * off.share * decay);
-        let risen = decay * pulse.gained / (1.0 - pulse.left * off.left);
-        Self {
-            decay,
-            low: step * (pulse.share - risen * off.left),
-            high: step * (risen - pulse.share),
-            towards: step * off.share,
-        }
-    }
 }
 
 impl Part {
@@ -129,7 +103,7 @@ impl Ripple {
         off: Part { share: 0.0, left: 0.0, gained: 0.0 },
         a_per_v: 0.0,
         decay: 0.0,
-        shape: Shape { decay: 0.0, low: 0.0, high: 0.0, towards: 0.0 },
+        of_one_ampere: Swing { pulse: 0.0, decay: 0.0, low_a: 0.0, high_a: 0.0, towards_a: 0.0 },
     };
 
     /// Of a motor at rest.
@@ -144,7 +118,7 @@ impl Ripple {
         let pulse = duty.abs().min(1.0);
         let sense = if duty == 0.0 { 0.0 } else { duty.signum() };
         let (pulse, off) = (Part::new(pulse, self.decay), Part::new(1.0 - pulse, self.decay));
-        Self { sense, pulse, off, shape: Shape::new(&pulse, &off, self.decay), ..self }
+        Self { sense, pulse, off, of_one_ampere: Swing::of_one_ampere(&pulse, &off, self.decay), ..self }
     }
 
     /// What is lost over a period in which the current stays positive, and in which it stays negative.
@@ -192,18 +166,15 @@ impl Ripple {
     /// The current at the share `at` of a period with the mean `mean_a`.
     pub fn sampled_a(&self, mean_a: f64, at: f64, volts: &Volts) -> f64 {
         let driven_a = self.sense * mean_a;
-        // Without a drop it flows through zero as anywhere else.
-        let is_free = volts.drops.are_none();
         let way = if driven_a < 0.0 { Way::Against } else { Way::With };
         let swing = self.swing(volts, way);
         let is_clear = match way {
             Way::With => driven_a >= swing.low_a,
             Way::Against => driven_a <= -swing.high_a,
         };
-        if !is_free
-            && !is_clear
-            && let Regime::Touching(cycle) = self.regime(volts)
-        {
+        // Without a drop it flows through zero as anywhere else.
+        let is_even = is_clear || volts.drops.are_none();
+        if !is_even && let Regime::Touching(cycle) = self.regime(volts) {
             return mean_a + self.sense * self.a_per_v * (cycle.at_v(at) - cycle.mean_v());
         }
         mean_a + self.sense * swing.at_a(at)
@@ -224,15 +195,7 @@ impl Ripple {
     /// Of a period in which the PWM drives and the current does not touch zero.
     #[inline]
     fn swing(&self, volts: &Volts, way: Way) -> Swing {
-        let straight_a = self.straight_swing_a(volts, way);
-        let Shape { decay, low, high, towards } = self.shape;
-        Swing {
-            pulse: self.pulse.share,
-            decay,
-            low_a: low * straight_a,
-            high_a: high * straight_a,
-            towards_a: towards * straight_a,
-        }
+        self.of_one_ampere.times(self.straight_swing_a(volts, way))
     }
 
     /// Mean current of a period in which it touches zero; at the bound of that beyond.
@@ -260,7 +223,6 @@ impl Ripple {
         if return_v <= 0.0 || reverse_v > 0.0 && pulse.is_too_short_for(to_rest_v, return_v) {
             return Regime::Below;
         }
-        let cycle = Cycle { pulse: pulse.share, decay, rise_v, return_v, fall_v, reverse_v, low_v: 0.0, high_v: 0.0 };
         let (low_v, high_v) = match (rise_v > 0.0, reverse_v > 0.0) {
             (false, false) => (0.0, 0.0),
             // The pulse drives and the off phase ends that, or the other way round.
@@ -275,11 +237,12 @@ impl Ripple {
                 (low_v, (from_rest_v - less_high * low_v).max(0.0))
             }
         };
-        Regime::Touching(Cycle { low_v, high_v, ..cycle })
+        Regime::Touching(Cycle { pulse: pulse.share, decay, rise_v, return_v, fall_v, reverse_v, low_v, high_v })
     }
 }
 
 /// The current of a period, as against its mean.
+#[derive(Clone, Copy, Debug)]
 struct Swing {
     /// Share of the period.
     pulse: f64,
@@ -293,6 +256,28 @@ struct Swing {
 }
 
 impl Swing {
+    fn of_one_ampere(pulse: &Part, off: &Part, decay: f64) -> Self {
+        if decay == 0.0 || pulse.share * off.share == 0.0 {
+            return Self { pulse: pulse.share, decay: 0.0, low_a: 0.5, high_a: 0.5, towards_a: 0.0 };
+        }
+        // What a pulse without an end and an off phase without one lead to are so far apart.
+        let step_a = 1.0 / (pulse.share * off.share * decay);
+        let risen = decay * pulse.gained / (1.0 - pulse.left * off.left);
+        Self {
+            pulse: pulse.share,
+            decay,
+            low_a: step_a * (pulse.share - risen * off.left),
+            high_a: step_a * (risen - pulse.share),
+            towards_a: step_a * off.share,
+        }
+    }
+
+    #[inline]
+    fn times(&self, factor: f64) -> Self {
+        let Self { low_a, high_a, towards_a, .. } = *self;
+        Self { low_a: factor * low_a, high_a: factor * high_a, towards_a: factor * towards_a, ..*self }
+    }
+
     /// At a share of the period.
     fn at_a(&self, at: f64) -> f64 {
         let Self { pulse, decay, low_a, high_a, towards_a } = *self;
@@ -386,6 +371,7 @@ impl Cycle {
             self.reached_v(driving_v, since_zero)
         };
         if at == 0.0 {
+            // The inverse of what follows, without its logarithm.
             -self.low_v
         } else if at < self.pulse {
             around_zero(at - self.until_zero(self.low_v, self.return_v), [self.return_v, self.rise_v])

@@ -112,10 +112,7 @@ mod tests {
         #![proptest_config(ProptestConfig::with_cases(6))]
         /// However fast it is recorded: of the moment, or as counts over some rows.
         #[test]
-        fn a_fast_recording_keeps_its_speed_in_fewer_rows(
-            rows_in_ms in 3_u32..12,
-            span in 1_u32..4,
-        ) {
+        fn a_fast_recording_keeps_its_speed_in_fewer_rows(rows_in_ms in 3_u32..12, span in 1_u32..4) {
             let interval_s = 1e-3 / f64::from(rows_in_ms);
             let window_s = f64::from(span * rows_in_ms) * interval_s;
             let counted = |time_s: f64| (angle_rad(time_s) / COUNT_RAD).floor() * COUNT_RAD;

@@ -47,7 +47,14 @@ impl<'a> Replay<'a> {
 
     /// What the sensors would have read.
     pub fn free_run(&self, model: &Model) -> Prediction {
-        read(model, self.data, self.drive(model, Steps::Fine))
+        self.simulated(model).0
+    }
+
+    /// The same, and whether the model can be simulated. Otherwise a value that is no number is not a missing one.
+    pub(crate) fn simulated(&self, model: &Model) -> (Prediction, bool) {
+        let motion = self.drive(model, Steps::Fine);
+        let is_possible = model.is_finite() && motion.is_finite(self.data);
+        (read(model, self.data, motion), is_possible)
     }
 
     fn cuts(&self, cutting: Cutting) -> Arc<[Cut]> {

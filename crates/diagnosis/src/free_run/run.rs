@@ -258,7 +258,8 @@ impl<'a> Run<'a> {
     /// ripple. Between the two directions that is the whole ripple. It decays with the winding, as with a smaller
     /// inductance.
     fn change_duty(&mut self, voltage_v: f64, duty: f64) {
-        let Some(before) = self.before.filter(|before| before.at.duty != duty && !before.at.open) else { return };
+        let is_another = |before: &&Before| before.at.duty != duty && !before.at.open;
+        let Some(before) = self.before.as_ref().filter(is_another).copied() else { return };
         let begun = self.above_mean_a(&before.at, &before.terms(), 0.0);
         let at = Instant { voltage_v, duty, ..before.at };
         let ripple = self.ripple(duty);

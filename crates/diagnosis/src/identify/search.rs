@@ -6,7 +6,7 @@ use super::sensitivities::Sensitivities;
 use super::unknown_scale::UnknownScale;
 use super::unknowns::{Unknown, prior_cost, unknowns};
 use super::{Effort, Fit, Prior, square, weighted_residual};
-use crate::free_run::{Prediction, Replay, Steps, read};
+use crate::free_run::{Prediction, Replay};
 use motorbench_model::Model;
 use nalgebra::DVector;
 use std::sync::OnceLock;
@@ -45,12 +45,9 @@ struct Known {
 
 impl Point {
     fn new(model: Model, replay: &Replay, unknowns: &[Unknown]) -> Self {
-        let motion = replay.drive(&model, Steps::Fine);
-        // A missing value costs nothing, but one that the model cannot simulate is not missing.
-        let is_simulated = model.is_finite() && motion.is_finite(replay.data);
-        let prediction = read(&model, replay.data, motion);
+        let (prediction, is_possible) = replay.simulated(&model);
         let residual = weighted_residual(replay.data, &prediction);
-        let cost = match is_simulated {
+        let cost = match is_possible {
             true => square(&residual) + prior_cost(&model, unknowns),
             false => f64::INFINITY,
         };

@@ -169,7 +169,8 @@ fn assert_told(timer: Timer, between: Between, bridge: &str) {
     assert_eq!(found.verdict, Verdict::Explained, "{case}: {found:?}");
     let advice = found.advice.join("\n");
     let told = advice.split("a PWM of ").nth(1).and_then(|rest| rest.split(" Hz").next()?.parse::<f64>().ok());
-    assert!(told.is_some_and(|told| (told - hz).abs() < 0.01), "{case}: {advice}");
+    // Half of the last digit, and what the estimate may be off by where that is rounded the other way.
+    assert!(told.is_some_and(|told| (told - hz).abs() < 0.006), "{case}: {advice}");
     assert!(advice.contains("Average the current over a PWM period"), "{case}: {advice}");
 }
 

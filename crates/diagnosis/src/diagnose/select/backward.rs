@@ -257,6 +257,7 @@ impl Chooser<'_> {
             true => (rival, self.with_added_at_its_best(found, |term| term.id() == rival)),
             false => (rival, found),
         };
+        // A look may begin where no model can be simulated, such as at a quotient of zeros.
         let is_there = |(rival, found): &(&str, Fit)| {
             found.cost.is_finite() && found.model.term(rival).is_some_and(Term::is_there)
         };
@@ -272,9 +273,7 @@ impl Chooser<'_> {
     fn lookalikes(&self, model: &Model, id: &str, effort: Effort) -> Vec<(&'static str, Fit)> {
         let values = &model.term(id).expect("one of its own terms").values;
         let looks_alike = |effect: &'static dyn Effect| {
-            // A constant of zero may give none that makes sense.
-            let alike = effect.instead_of(id, values).filter(|alike| alike.iter().all(|value| value.is_finite()))?;
-            let beside_found = model.without(id).with(effect, alike);
+            let beside_found = model.without(id).with(effect, effect.instead_of(id, values)?);
             let beside_nominal = Model { motor: self.prior.motor, terms: beside_found.terms.clone() };
             let fits = [beside_found, beside_nominal].map(|start| self.fits.fit(&start, effort));
             let best = fits.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost));

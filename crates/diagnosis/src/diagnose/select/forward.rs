@@ -20,7 +20,7 @@ const LEAST_COST_WITHOUT_EVIDENCE: f64 = 0.9;
 /// If the cost falls to this share but rises in places, the fit has not converged yet.
 const NOT_THERE_YET: f64 = 0.5;
 
-/// Number of starts that are fitted before what they reached limits the next ones.
+/// Number of starts that are fitted before what they reached limits the next ones, or ends the search.
 const AT_A_TIME: usize = 6;
 
 /// The rule for the next effect.
