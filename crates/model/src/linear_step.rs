@@ -59,7 +59,7 @@ impl LinearStep {
         Self {
             current_of,
             speed_of,
-            open_speed_of: speed_of_torque(motor, inertia_kg_m2, step_s),
+            open_speed_of: speed_of_torque(b, inertia_kg_m2, step_s),
             inverse_gains,
             resistance_ohm: motor.resistance_ohm,
             conductance_siemens: 1.0 / motor.resistance_ohm,
@@ -141,8 +141,8 @@ impl LinearStep {
 }
 
 /// The speed left after a step, and gained of a torque over it, whatever the current does.
-pub(crate) fn speed_of_torque(motor: &MotorParameters, inertia_kg_m2: f64, step_s: f64) -> [f64; 2] {
-    let b = motor.viscous_friction_nm_s;
+pub(crate) fn speed_of_torque(viscous_nm_s: f64, inertia_kg_m2: f64, step_s: f64) -> [f64; 2] {
+    let b = viscous_nm_s;
     let decay = (-b / inertia_kg_m2 * step_s).exp();
     [decay, if b > 0.0 { (1.0 - decay) / b } else { step_s / inertia_kg_m2 }]
 }
