@@ -13,6 +13,7 @@ mod dead_current;
 mod edge_timing;
 mod end_of_range;
 mod error;
+mod held_out;
 mod held_rotor;
 mod late_readings;
 mod measured;
@@ -58,14 +59,6 @@ const SETTLED: usize = 4;
 pub const LONG_ROW: f64 = 1.5;
 /// Time over which an angle is differentiated: short against the motor, long against the encoder's step.
 const DIFFERENCE_SPAN_S: f64 = 0.005;
-/// Blocks of this length are held out in turn, one in [`HELD_OUT_EVERY`]; shorter in short recordings.
-const BLOCK_S: f64 = 0.25;
-const FEWEST_BLOCKS: f64 = 24.0;
-const HELD_OUT_EVERY: usize = 3;
-/// Which of them is kept back...
-const HELD_OUT: usize = 1;
-/// ... unless it has more than this share of all changes of the motion; evenly spread, it has a third.
-const MOST_CHANGES: f64 = 0.5;
 /// A row whose command is this share of the greatest one has its magnitude...
 const SAME_MAGNITUDE: f64 = 0.97;
 /// ... and if only one magnitude was played, at least this share of the rows have it, of those in which the motor is
@@ -164,7 +157,7 @@ impl Dataset {
             all.origin.written_after = true;
             row_order::move_commands(&mut all, row_order::Towards::Before);
         }
-        all.keep_back(all.part_to_hold_out());
+        all.hold_out();
         if let Some(first) = recordings.first() {
             all.check_that_it_turns(&first.name)?;
             all.check(&first.name)?;
@@ -323,28 +316,6 @@ impl Dataset {
     /// Total length of all stretches.
     pub(crate) fn span_s(&self) -> f64 {
         self.stretches.iter().map(|Stretch { rows, .. }| self.time_s[rows.end - 1] - self.time_s[rows.start]).sum()
-    }
-
-    fn keep_back(&mut self, part: usize) {
-        let block = self.rows_of_block();
-        self.held_out = (0..self.len()).map(|index| (index / block) % HELD_OUT_EVERY == part).collect();
-    }
-
-    fn rows_of_block(&self) -> usize {
-        (BLOCK_S.min(self.span_s() / FEWEST_BLOCKS) / self.interval_s).max(1.0) as usize
-    }
-
-    /// [`HELD_OUT`], unless most of the motion's changes are in it, such as the only step: the fit has to see them. Then
-    /// the part with the least.
-    fn part_to_hold_out(&self) -> usize {
-        let mut changes = [0.0; HELD_OUT_EVERY];
-        for (block, speeds) in self.motion().values.chunks(self.rows_of_block()).enumerate() {
-            changes[block % HELD_OUT_EVERY] += spread(speeds).powi(2) * speeds.len() as f64;
-        }
-        match changes[HELD_OUT] > MOST_CHANGES * changes.iter().sum::<f64>() {
-            true => (0..HELD_OUT_EVERY).min_by(|a, b| changes[*a].total_cmp(&changes[*b])).unwrap_or(HELD_OUT),
-            false => HELD_OUT,
-        }
     }
 }
 

@@ -12,6 +12,7 @@
 use crate::axis::{Axis, Drive, Motion};
 use crate::catalogue::{Alone, CATALOGUE, DryLosses, Effect, OffPhase, Parameter, Scales, effect};
 use crate::motor::{MotorParameters, NonPhysical};
+use crate::unit::{Quantity, Unit};
 use motorbench_text::keys;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -232,6 +233,25 @@ impl Model {
     /// Whether a term's constants are held at their prior means: the data cannot tell them from another of its effects.
     pub fn holds(&self, term: &Term) -> bool {
         term.effect.about().held_beside.is_some_and(|id| self.has(id))
+    }
+
+    /// The model that does the same where a quantity is `factor` times as large: each constant times that power of it that
+    /// its unit has.
+    pub fn scaled(&self, quantity: Quantity, factor: f64) -> Self {
+        let times = |unit: Unit| factor.powf(quantity.power(unit));
+        let [resistance, inductance, torque_constant, inertia, viscous] = MotorParameters::UNITS.map(times);
+        let motor = MotorParameters {
+            resistance_ohm: self.motor.resistance_ohm * resistance,
+            inductance_h: self.motor.inductance_h * inductance,
+            torque_constant_nm_per_a: self.motor.torque_constant_nm_per_a * torque_constant,
+            inertia_kg_m2: self.motor.inertia_kg_m2 * inertia,
+            viscous_friction_nm_s: self.motor.viscous_friction_nm_s * viscous,
+        };
+        let term = |term: &Term| {
+            let values = term.values.iter().zip(term.effect.about().parameters);
+            Term { values: values.map(|(value, constant)| value * times(constant.unit)).collect(), ..term.clone() }
+        };
+        Self { motor, terms: self.terms.iter().map(term).collect() }
     }
 
     /// What of the inertia turns with the motor's own shaft.

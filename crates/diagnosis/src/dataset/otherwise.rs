@@ -1,6 +1,6 @@
 //! The same recordings with another interpretation: another scale, or another choice of what the rig file leaves open.
 
-use super::{Averaged, Dataset, HELD_OUT_EVERY, Output, Stretch, Window, row_order};
+use super::{Averaged, Dataset, Output, Stretch, Window, row_order};
 use motorbench_data::rig::Readings;
 
 impl Dataset {
@@ -143,15 +143,5 @@ impl Dataset {
         if self.count_rad <= 0.0 {
             self.integrate_mean_speed();
         }
-    }
-
-    /// The same data with each of the other parts held out in turn.
-    pub fn with_others_held_out(&self) -> impl Iterator<Item = Self> {
-        let held_out = self.part_to_hold_out();
-        (0..HELD_OUT_EVERY).filter(move |part| *part != held_out).map(|part| {
-            let mut other = self.clone();
-            other.keep_back(part);
-            other
-        })
     }
 }

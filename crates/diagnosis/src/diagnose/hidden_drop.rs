@@ -49,6 +49,11 @@ impl HiddenDrop {
         data.behind_a_drop(self.drop_v)
     }
 
+    /// The model that turns behind this drop as `found` does without one.
+    pub fn behind(&self, found: &Model, data: &Dataset) -> Model {
+        found.scaled(Quantity::Voltage, 1.0 - self.drop_v / greatest(&data.command))
+    }
+
     /// Uncertainty of a constant of a unit from the drop, as from a supply voltage: standard deviations of the logarithm.
     pub fn uncertainty(&self, unit: Unit) -> f64 {
         Quantity::Voltage.power(unit).abs() * self.spread

@@ -14,6 +14,7 @@ use super::{
 };
 use crate::dataset::Dataset;
 use crate::identify::{Effort, Fit, Interval, Prior, fit, has_unknown_torque_scale};
+use motorbench_model::Model;
 use std::cmp::Ordering;
 
 /// With this evidence an effect is real, though its strength may be unknown: the data may lack the scale that it is
@@ -56,10 +57,11 @@ impl Interpretation {
     /// The same behind a drop that the data do not show. It scales the voltage, so the same effects act.
     pub(super) fn behind(self, drop: HiddenDrop, prior: &Prior, progress: select::Progress) -> Self {
         let data = drop.before(&self.data);
-        let refit = |found: &Fit, data: &Dataset| fit(&found.model, data, prior, Effort::FULL);
-        let [last, fullest] = [&self.selection.last, &self.fullest].map(|found| refit(found, &data));
+        let refit = |model: &Model, data: &Dataset| fit(model, data, prior, Effort::FULL);
+        let [last, fullest] =
+            [&self.selection.last, &self.fullest].map(|found| refit(&drop.behind(&found.model, &self.data), &data));
         let selection = select::anew_from(&data, prior, &excluded(&data), last, self.selection.steps, progress);
-        let last = refit(&selection.last, &data.with_nothing_held_out());
+        let last = refit(&selection.last.model, &data.with_nothing_held_out());
         Self::settled(data, prior, selection, fullest, last)
     }
 

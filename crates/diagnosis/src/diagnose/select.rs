@@ -213,19 +213,19 @@ impl Chooser<'_> {
     fn usual_model(&self) -> Fit {
         let model = self.with_usual(Model::linear(self.prior.motor), &scales(&self.prior.motor, self.data));
         let usual = self.fits.fit(&model, Effort::AGAIN);
-        let delay = self.possible().find(|effect| effect.about().id == DELAY);
-        let late = delay.filter(|_| above_floor(self.data, &usual) > SMALL_REST);
-        let late = late.map(|delay| self.fits.fit(&self.delayed(&usual, delay), Effort::AGAIN));
+        let is_near = above_floor(self.data, &usual) <= SMALL_REST;
+        let late = self.delayed(&usual.model).filter(|_| !is_near).map(|late| self.fits.fit(&late, Effort::AGAIN));
         late.filter(|late| late.cost < usual.cost).unwrap_or(usual)
     }
 
     /// With the delay by which a quick motor agrees best with the readings. A fit that begins without one takes it for a
     /// slow winding, and does not come back.
-    fn delayed(&self, usual: &Fit, delay: &'static dyn Effect) -> Model {
-        let quick = lateness::at_once(&lateness::with_time_constant(&usual.model, lateness::QUICK_S), self.prior);
-        let errors = lateness::errors(self.data, &usual.prediction);
+    fn delayed(&self, model: &Model) -> Option<Model> {
+        let delay = self.possible().find(|effect| effect.about().id == DELAY)?;
+        let quick = lateness::at_once(&lateness::with_time_constant(model, lateness::QUICK_S), self.prior);
+        let errors = lateness::errors(self.data, &self.fits.replay.free_run(model));
         let late_s = lateness::constant_s(self.data, &self.fits.replay.free_run(&quick), &errors);
-        quick.with(delay, vec![late_s])
+        (late_s > 0.0).then(|| quick.with(delay, vec![late_s]))
     }
 
     /// Whether two ways from far apart end with the same effects and nearly the same small rest: a third one hardly ends

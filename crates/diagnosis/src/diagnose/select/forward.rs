@@ -113,6 +113,8 @@ impl Chooser<'_> {
         let effort = Effort::TRIAL.useless_above(base.cost);
         let scales = scales(&self.prior.motor, self.data);
         let nominal = Model::linear(self.prior.motor);
+        // One delay explains what is left of a step when nothing else does.
+        let delayed = self.delayed(&nominal);
         // Their rarer laws only if a rest remains: most that look like one at first are none.
         let mut models = self.with_global_effects(&nominal, &scales);
         models.retain(|model| !model.terms.last().is_some_and(Term::has_another_law));
@@ -120,6 +122,7 @@ impl Chooser<'_> {
             let bare = models.clone().into_iter().chain([nominal]);
             models.extend(bare.map(|model| self.with_usual(model, &scales)));
         }
+        models.extend(delayed);
         models.into_par_iter().map(|model| self.fits.fit(&model, effort)).collect()
     }
 
