@@ -49,7 +49,7 @@ impl Search for ActuationDelay {
     }
 
     /// The speed alone can hardly tell an inductance, a lag and a delay apart.
-    fn instead_of(&self, rival: &str, values: &[f64]) -> Option<Vec<f64>> {
+    fn instead_of(&self, rival: &str, values: &[f64], _scales: &Scales) -> Option<Vec<f64>> {
         // A step that waits for a third of a second looks like a load that holds the shaft until then.
         if rival == "load_step" {
             return Some(vec![USUAL_S[USUAL_S.len() - 1]]);

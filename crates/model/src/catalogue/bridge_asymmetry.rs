@@ -51,7 +51,7 @@ impl Search for BridgeAsymmetry {
     }
 
     /// Counts that are lost one way make it slower that way as well.
-    fn instead_of(&self, id: &str, values: &[f64]) -> Option<Vec<f64>> {
+    fn instead_of(&self, id: &str, values: &[f64], _scales: &Scales) -> Option<Vec<f64>> {
         let &[lost_share, .., one_way] = values else { return None };
         (id == "missed_counts" && one_way != 0.0).then(|| vec![if one_way < 0.0 { -lost_share } else { lost_share }])
     }

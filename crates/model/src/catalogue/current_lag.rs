@@ -54,7 +54,7 @@ impl Search for CurrentLag {
     }
 
     /// More inductance delays the current by as much. Only the torque shows that the current itself was not late.
-    fn instead_of(&self, rival: &str, values: &[f64]) -> Option<Vec<f64>> {
+    fn instead_of(&self, rival: &str, values: &[f64], _scales: &Scales) -> Option<Vec<f64>> {
         (rival == INDUCTANCE).then(|| vec![values[0], 0.0, 0.0])
     }
 }

@@ -55,7 +55,7 @@ impl Search for DropAsymmetry {
     }
 
     /// Without a measured current, a torque that keeps its sign looks the same.
-    fn instead_of(&self, rival: &str, _values: &[f64]) -> Option<Vec<f64>> {
+    fn instead_of(&self, rival: &str, _values: &[f64], _scales: &Scales) -> Option<Vec<f64>> {
         ["load_torque", "friction_asymmetry"].contains(&rival).then(|| vec![USUAL_V])
     }
 }

@@ -62,7 +62,7 @@ impl Search for FrictionAsymmetry {
     }
 
     /// While the motor turns it looks like a load; without a measured current it looks like a drop.
-    fn instead_of(&self, rival: &str, values: &[f64]) -> Option<Vec<f64>> {
+    fn instead_of(&self, rival: &str, values: &[f64], _scales: &Scales) -> Option<Vec<f64>> {
         match rival {
             "load_torque" => Some(vec![2.0 * values[0]]),
             "drop_asymmetry" => Some(vec![USUAL_TORQUE_NM]),

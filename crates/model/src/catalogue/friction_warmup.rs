@@ -1,10 +1,16 @@
 //! Friction that falls as grease and brushes warm up.
 
-use super::{About, ActsOn, Balance, Coordinate, Instant, Law, Parameter, Scales, Search, Shown, Strength, Unit};
+use super::{
+    About, ActsOn, Balance, Coordinate, Effect, Instant, Law, Parameter, Scales, Search, Shown, Strength, Unit,
+    slow_drift,
+};
 use crate::motor::MotorParameters;
 
 /// Least time constant: no bearing warms up faster.
 const LEAST_S: f64 = 0.5;
+
+/// Greatest excess: the base oil of a grease has a fifth of its viscosity at 50 degrees that it has at 10.
+const MOST_EXCESS: f64 = 4.0;
 
 /// See the module.
 pub struct FrictionWarmup;
@@ -14,7 +20,7 @@ static ABOUT: About = About {
     title: "friction that falls while the motor warms up",
     acts_on: &[ActsOn::Torque],
     parameters: &[
-        Parameter::within("excess_share", Unit::One, 0.0, 20.0),
+        Parameter::within("excess_share", Unit::One, 0.0, MOST_EXCESS),
         Parameter::slow("time_constant_s", LEAST_S, 1e4),
         Parameter::choice("dry_only"),
     ],
@@ -64,5 +70,10 @@ impl Search for FrictionWarmup {
     /// Grease changes viscous and dry friction alike; brushes and seals have dry friction alone.
     fn other_laws(&self, values: &[f64], _scales: &Scales) -> Vec<Vec<f64>> {
         vec![vec![values[0], values[1], 1.0 - values[2]]]
+    }
+
+    /// A drift is often slower or faster than this law has it.
+    fn similar_laws(&self, _values: &[f64], scales: &Scales) -> Vec<(&'static dyn Effect, Vec<f64>)> {
+        vec![slow_drift::none_yet(scales)]
     }
 }

@@ -1,6 +1,10 @@
 //! Load step: a load comes or goes during the recording.
 
-use super::{About, ActsOn, Balance, Coordinate, Instant, Law, Parameter, Scales, Search, Shown, Strength, Unit};
+use super::{
+    About, ActsOn, Balance, Coordinate, Effect, Instant, Law, Parameter, Scales, Search, Shown, Strength, Unit,
+    slow_drift,
+};
+use crate::Term;
 use crate::motor::MotorParameters;
 
 /// See the module.
@@ -52,5 +56,15 @@ impl Search for LoadStep {
 
     fn spacing(&self, scales: &Scales) -> Option<(usize, f64)> {
         Some((1, scales.duration_s / 30.0))
+    }
+
+    /// A shaft breaks loose at some moment. A load that goes at that very moment would be a coincidence.
+    fn yields_to(&self, _values: &[f64], rival: &str, _others: &[Term]) -> bool {
+        rival == "stribeck_friction"
+    }
+
+    /// A drift is often slower or faster than this law has it.
+    fn similar_laws(&self, _values: &[f64], scales: &Scales) -> Vec<(&'static dyn Effect, Vec<f64>)> {
+        vec![slow_drift::none_yet(scales)]
     }
 }

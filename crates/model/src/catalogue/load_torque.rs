@@ -47,7 +47,7 @@ impl Search for LoadTorque {
     }
 
     /// While the motor turns it looks like an asymmetric friction; without a measured current it looks like an asymmetric drop.
-    fn instead_of(&self, rival: &str, values: &[f64]) -> Option<Vec<f64>> {
+    fn instead_of(&self, rival: &str, values: &[f64], _scales: &Scales) -> Option<Vec<f64>> {
         match rival {
             "friction_asymmetry" => Some(vec![0.5 * values[0]]),
             "drop_asymmetry" => Some(vec![USUAL_TORQUE_NM]),

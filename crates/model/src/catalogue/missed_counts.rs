@@ -123,7 +123,7 @@ impl Search for MissedCounts {
     }
 
     /// A motor that a bridge drives less one way is slower that way, and so is one whose counts are lost.
-    fn instead_of(&self, id: &str, values: &[f64]) -> Option<Vec<f64>> {
+    fn instead_of(&self, id: &str, values: &[f64], _scales: &Scales) -> Option<Vec<f64>> {
         let less_backward = *values.first().filter(|_| id == "bridge_asymmetry")?;
         let way = if less_backward < 0.0 { -1.0 } else { 1.0 };
         Some(vec![less_backward.abs() / (1.0 + less_backward.max(0.0)), 0.0, 0.0, 0.0, way])

@@ -34,6 +34,7 @@ mod quadratic_drag;
 mod resistance_growing_with_speed;
 mod search;
 mod shaft_compliance;
+mod slow_drift;
 mod speed_lag;
 mod stribeck_friction;
 mod supply_sag;

@@ -62,7 +62,7 @@ impl Search for QuadraticDrag {
 
     /// Stribeck friction beside more viscous friction bends the curve like a drag. At ten times the Stribeck speed the drag is
     /// about a fifth of the excess.
-    fn instead_of(&self, rival: &str, values: &[f64]) -> Option<Vec<f64>> {
+    fn instead_of(&self, rival: &str, values: &[f64], _scales: &Scales) -> Option<Vec<f64>> {
         (rival == "stribeck_friction").then(|| vec![0.2 * values[0] / (10.0 * values[1]).powi(2)])
     }
 

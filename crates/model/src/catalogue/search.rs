@@ -107,7 +107,12 @@ pub trait Search {
 
     /// The values with which it comes closest to a rival that has `values`: another effect, or
     /// [`INDUCTANCE`](super::INDUCTANCE).
-    fn instead_of(&self, _rival: &str, _values: &[f64]) -> Option<Vec<f64>> {
+    fn instead_of(&self, _rival: &str, _values: &[f64], _scales: &Scales) -> Option<Vec<f64>> {
+        None
+    }
+
+    /// What it leaves of another term's values where it takes the place of a rival with `values`.
+    fn leaves(&self, _rival: &str, _values: &[f64], _other: &Term) -> Option<Vec<f64>> {
         None
     }
 

@@ -62,7 +62,7 @@ impl Search for SpeedLag {
     }
 
     /// Without a measured current more inductance delays the speed as well; a delay of the command does so too.
-    fn instead_of(&self, rival: &str, values: &[f64]) -> Option<Vec<f64>> {
+    fn instead_of(&self, rival: &str, values: &[f64], _scales: &Scales) -> Option<Vec<f64>> {
         [INDUCTANCE, "actuation_delay"].contains(&rival).then(|| vec![values[0], 0.0, 0.0])
     }
 

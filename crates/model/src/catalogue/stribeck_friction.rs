@@ -4,10 +4,13 @@ use super::{
     About, ActsOn, Alone, Balance, Coordinate, Instant, Law, Parameter, Scales, Search, Shown, Simplification,
     Strength, Unit,
 };
+use crate::Term;
 use crate::motor::MotorParameters;
 
 /// Greatest Stribeck speed, as a share of the no-load speed: an excess above would be Coulomb friction or drag.
 const MOST_OF_SPEED: f64 = 0.1;
+/// A usual one.
+const USUAL_OF_SPEED: f64 = 0.03;
 /// Stribeck speed of the exponential over that of the bell, where both fall to half at the same speed.
 const EXPONENTIAL_OVER_BELL: f64 = 1.2;
 
@@ -66,7 +69,18 @@ impl Law for StribeckFriction {
 impl Search for StribeckFriction {
     fn starts(&self, scales: &Scales) -> Vec<Vec<f64>> {
         let excess_nm = 0.03 * scales.stall_torque_nm();
-        [0.01, 0.03, 0.1].map(|share| vec![excess_nm, share * scales.speed_rad_per_s, 0.0]).to_vec()
+        [0.01, USUAL_OF_SPEED, 0.1].map(|share| vec![excess_nm, share * scales.speed_rad_per_s, 0.0]).to_vec()
+    }
+
+    /// A shaft that breaks loose on a slow ramp looks like one that loses a load at that moment.
+    fn instead_of(&self, rival: &str, values: &[f64], scales: &Scales) -> Option<Vec<f64>> {
+        (rival == "load_step").then(|| vec![values[0].abs(), USUAL_OF_SPEED * scales.speed_rad_per_s, 0.0])
+    }
+
+    /// Without the load, the Coulomb level alone held the shaft until then.
+    fn leaves(&self, rival: &str, values: &[f64], other: &Term) -> Option<Vec<f64>> {
+        let is_level = rival == "load_step" && other.id() == "coulomb_friction";
+        is_level.then(|| vec![(other.values[0] - values[0].abs()).max(0.0)])
     }
 
     /// The other law, with half the excess at the same speed.

@@ -9,6 +9,7 @@ use super::{
     About, ActsOn, Balance, Channels, Coordinate, DryLosses, Instant, Law, Parameter, Scales, Search, Shown, Strength,
     Unit,
 };
+use crate::Term;
 use crate::motor::MotorParameters;
 
 /// Knees that are tried, as shares of the greatest current; 0: the drop acts at every moment.
@@ -125,6 +126,11 @@ impl Search for VoltageDrop {
     fn takes_over(&self, rival: &str, values: &[f64], Scales { motor, .. }: &Scales) -> Option<Vec<f64>> {
         let drop_v = values[0] * motor.resistance_ohm / motor.torque_constant_nm_per_a;
         (rival == "coulomb_friction").then(|| vec![drop_v, 0.0, 0.0, 0.0, 0.0])
+    }
+
+    /// Every motor has friction, and not every command goes through a bridge.
+    fn yields_to(&self, _values: &[f64], rival: &str, _others: &[Term]) -> bool {
+        rival == "coulomb_friction"
     }
 
     fn other_laws(&self, values: &[f64], scales: &Scales) -> Vec<Vec<f64>> {

@@ -1,7 +1,8 @@
 //! Winding heating: copper gains 0.39 % of resistance a kelvin.
 
 use super::{
-    About, ActsOn, Balance, Coordinate, Instant, Law, Parameter, Scales, Search, Shown, Simplification, Strength, Unit,
+    About, ActsOn, Balance, Coordinate, Effect, Instant, Law, Parameter, Scales, Search, Shown, Simplification,
+    Strength, Unit, slow_drift,
 };
 use crate::motor::MotorParameters;
 
@@ -60,5 +61,10 @@ impl Search for WindingHeating {
     fn starts(&self, scales: &Scales) -> Vec<Vec<f64>> {
         let power_w = 0.3 * scales.motor.resistance_ohm * scales.current_a.powi(2);
         [0.1, 0.5].map(|share| vec![0.2 / power_w.max(1e-9), (share * scales.duration_s).max(LEAST_S)]).to_vec()
+    }
+
+    /// A drift is often slower or faster than this law has it.
+    fn similar_laws(&self, _values: &[f64], scales: &Scales) -> Vec<(&'static dyn Effect, Vec<f64>)> {
+        vec![slow_drift::none_yet(scales)]
     }
 }

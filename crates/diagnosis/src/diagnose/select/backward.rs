@@ -1,6 +1,5 @@
 //! Backward: drops effects without evidence, and replaces an effect by a better rival.
 
-use super::winding::looks_like_inductance;
 use super::{
     Chooser, Gain, LEAST_SHARE, MOST_EFFECTS, NEAR, SAME_SHARE, SAME_SIGMAS, Standing, has_evidence, is_same,
     is_very_strong,
@@ -129,7 +128,7 @@ impl Chooser<'_> {
         };
         let is_excessive = |fit: &Fit| self.excessive_inductance_h(fit).is_some();
         let keeps_the_winding = || {
-            looks_like_inductance(id)
+            self.looks_like_inductance(id)
                 && is_excessive(&without)
                 && (!is_excessive(current) || is_same(&self.gain(&self.with_nominal_inductance(current), current)))
                 && !is_same(&self.gain(&self.with_nominal_inductance(&without), current))
@@ -198,13 +197,21 @@ impl Chooser<'_> {
         2 * as_good <= looked_at.len()
     }
 
-    /// Whether no similar law outside the catalogue does better.
+    /// Whether no similar law outside the catalogue does better, or as well in place of several effects.
     fn law_matters(&self, current: &Fit, without: &Fit, id: &str) -> bool {
+        let scales = scales(&current.model.motor, self.data);
         let term = current.model.term(id).expect("one of its own terms");
-        let others = term.effect.similar_laws(&term.values, &scales(&current.model.motor, self.data));
-        others.into_iter().all(|(other, values)| {
-            let other = self.fits.fit(&without.model.with(other, values), Effort::CHECK);
-            self.gain(current, &other).sigmas < OTHER_LAW_SIGMAS
+        term.effect.similar_laws(&term.values, &scales).into_iter().all(|(other, values)| {
+            let like_it = |term: &Term| {
+                let laws = term.effect.similar_laws(&term.values, &scales);
+                laws.iter().any(|(law, _)| law.about().id == other.about().id)
+            };
+            let mut model = without.model.clone();
+            model.terms.retain(|term| !like_it(term));
+            let replaces_several = model.terms.len() < without.model.terms.len();
+            let other = self.fits.fit(&model.with(other, values), Effort::CHECK);
+            let is_better = self.gain(current, &other).sigmas > OTHER_LAW_SIGMAS;
+            !(is_better || replaces_several && is_same(&self.gain(&other, current)))
         })
     }
 
@@ -272,8 +279,17 @@ impl Chooser<'_> {
     /// nominal one.
     fn lookalikes(&self, model: &Model, id: &str, effort: Effort) -> Vec<(&'static str, Fit)> {
         let values = &model.term(id).expect("one of its own terms").values;
+        let scales = scales(&model.motor, self.data);
+        let takes_the_same_volts = |effect: &'static dyn Effect| match self.data.current() {
+            Some(_) => None,
+            None => effect.takes_over(id, values, &scales),
+        };
         let looks_alike = |effect: &'static dyn Effect| {
-            let beside_found = model.without(id).with(effect, effect.instead_of(id, values)?);
+            let like_it = effect.instead_of(id, values, &scales).or_else(|| takes_the_same_volts(effect))?;
+            let mut beside_found = model.without(id).with(effect, like_it);
+            for term in &mut beside_found.terms {
+                term.values = effect.leaves(id, values, term).unwrap_or_else(|| std::mem::take(&mut term.values));
+            }
             let beside_nominal = Model { motor: self.prior.motor, terms: beside_found.terms.clone() };
             let fits = [beside_found, beside_nominal].map(|start| self.fits.fit(&start, effort));
             let best = fits.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost));
@@ -292,7 +308,7 @@ impl Chooser<'_> {
             .collect();
         over.sort_by(|a, b| a.1.share.total_cmp(&b.1.share));
         let mut same: Vec<_> = over.iter().filter(|(_, gain)| is_same(gain)).map(|(rival, _)| *rival).collect();
-        if looks_like_inductance(id) && is_same(&own) {
+        if self.looks_like_inductance(id) && is_same(&own) {
             same.push(INDUCTANCE);
         }
         Standing { id, gain: own, rival: over.into_iter().next(), same }

@@ -1,7 +1,7 @@
 //! An inductance far above the nominal one is likelier an effect that looks like it.
 
 use super::{Chooser, is_same};
-use crate::identify::{Effort, Fit, fit};
+use crate::identify::{Effort, Fit, fit, scales};
 use motorbench_model::catalogue::{INDUCTANCE, effect};
 
 /// An inductance this many times the nominal one may be an effect.
@@ -15,8 +15,9 @@ impl Chooser<'_> {
         let found = self.restart_from_nominal_inductance(found);
         let Some(excess_h) = self.excessive_inductance_h(&found) else { return found };
         let excess_s = excess_h / found.model.motor.resistance_ohm;
+        let scales = scales(&self.prior.motor, self.data);
         let others = self.possible().filter(|effect| !found.model.has(effect.about().id));
-        let like_it = others.filter_map(|effect| Some((effect, effect.instead_of(INDUCTANCE, &[excess_s])?)));
+        let like_it = others.filter_map(|effect| Some((effect, effect.instead_of(INDUCTANCE, &[excess_s], &scales)?)));
         let fits = like_it.map(|(effect, values)| {
             let mut model = found.model.with(effect, values);
             model.motor.inductance_h -= excess_h;
@@ -37,7 +38,7 @@ impl Chooser<'_> {
         }
         let held = self.with_nominal_inductance(&found);
         let other = self.fits.fit(&held.model, Effort::FULL);
-        let other = self.or_other_laws(other, |term| looks_like_inductance(term.id()));
+        let other = self.or_other_laws(other, |term| self.looks_like_inductance(term.id()));
         if other.cost < found.cost { other } else { found }
     }
 
@@ -55,9 +56,10 @@ impl Chooser<'_> {
         model.motor.inductance_h = prior.motor.inductance_h;
         fit(&model, self.data, &prior, Effort::CHECK)
     }
-}
 
-/// Whether an effect can look like additional inductance.
-pub(super) fn looks_like_inductance(id: &str) -> bool {
-    effect(id).is_some_and(|effect| effect.instead_of(INDUCTANCE, &[0.0]).is_some())
+    /// Whether an effect can look like additional inductance.
+    pub(super) fn looks_like_inductance(&self, id: &str) -> bool {
+        let scales = scales(&self.prior.motor, self.data);
+        effect(id).is_some_and(|effect| effect.instead_of(INDUCTANCE, &[0.0], &scales).is_some())
+    }
 }
