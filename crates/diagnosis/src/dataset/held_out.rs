@@ -13,7 +13,8 @@ const FEWEST_BLOCKS: f64 = 24.0;
 const EVERY: usize = 3;
 /// Which of them is held out.
 const HELD_OUT: usize = 1;
-/// Evenly spread, a part has a third of all changes of the motion. At half or twice these odds, they are not.
+/// Evenly spread, the held-out part has a third of all changes of the motion. With less than a twentieth it judges what it
+/// hardly sees, and with more than half of them the fit does.
 const FAIR: RangeInclusive<f64> = 0.05..=0.5;
 /// A change is that over this part of a block.
 const PART_OF_BLOCK: usize = 16;
@@ -66,5 +67,48 @@ impl Dataset {
             (passed * count) as usize
         };
         changes.into_iter().map(block).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use motorbench_data::recording::Recording;
+    use motorbench_data::rig::Rig;
+    use proptest::prelude::*;
+    use std::fmt::Write as _;
+
+    /// 4 s in rows of 4 ms: a voltage, and the speed of a quick motor.
+    fn data(volts: impl Fn(f64) -> f64) -> Dataset {
+        let mut text = String::from("t_s,u_V,omega_rad_per_s\n");
+        let mut speed = 0.0;
+        for row in 0..1000 {
+            let time_s = f64::from(row) * 4e-3;
+            let _ = writeln!(text, "{time_s:.3},{:.4},{:.3}", volts(time_s), speed + f64::from(row % 2));
+            speed += 4e-3 / 0.03 * (10.0 * volts(time_s) - speed);
+        }
+        let recording = Recording::parse("run.csv", text.as_bytes(), &[]).unwrap();
+        Dataset::new(&[recording], &Rig::parse("rig.toml", "[supply]\nvoltage_V = 12\n").unwrap()).unwrap()
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(24))]
+        /// Wherever the step is.
+        #[test]
+        fn each_part_has_its_share_of_the_only_step(step_s in 0.3_f64..3.0) {
+            let data = data(|time_s| if time_s < step_s { 0.0 } else { 8.0 });
+            let moves = |row: &usize| data.time_s[*row] > step_s && data.time_s[*row] < step_s + 0.06;
+            let held_out = (0..data.len()).filter(moves).filter(|row| data.held_out[*row]).count();
+            prop_assert!((3..=9).contains(&held_out), "{held_out} of 15 rows");
+            let all = data.held_out.iter().filter(|held_out| **held_out).count();
+            prop_assert!((250..=420).contains(&all), "{all} of 1000 rows");
+        }
+    }
+
+    #[test]
+    fn blocks_are_equal_where_something_happens_all_the_time() {
+        let data = data(|time_s| 8.0 * (3.0 * time_s).sin());
+        let rows: Vec<usize> = data.held_out.chunk_by(|a, b| a == b).map(<[bool]>::len).collect();
+        assert!(rows[1..rows.len() - 1].chunks(2).all(|pair| pair == [41, 82] || pair == [41]), "{rows:?}");
     }
 }

@@ -68,11 +68,12 @@ fn moved<T: Copy>(values: &mut [T], towards: Towards) {
     }
 }
 
-/// Response of a reading to a change of the command: least squares, with standard errors that hold for uneven scatter
-/// (White, Econometrica 48 (1980)).
+/// Response of a reading to a change of the command: least squares. The standard errors hold for uneven scatter (White,
+/// Econometrica 48 (1980)), and are at least those of even scatter: around a single step nothing scatters.
 struct Answers {
     values: DVector<f64>,
-    covariance: DMatrix<f64>,
+    /// Variances of the values.
+    variances: DVector<f64>,
 }
 
 impl Answers {
@@ -130,17 +131,21 @@ impl Answers {
         }
         let values = &inverse * moments;
         let mut middle = DMatrix::zeros(COEFFICIENTS, COEFFICIENTS);
+        let mut squares = 0.0;
         for (regressors, change) in samples {
             let regressors = column(regressors);
             let left = change - regressors.dot(&values);
             middle.ger(left * left, &regressors, &regressors, 1.0);
+            squares += left * left;
         }
-        Some(Self { values, covariance: &inverse * middle * &inverse })
+        let uneven = (&inverse * middle * &inverse).diagonal();
+        let even = inverse.diagonal() * (squares / samples.len() as f64);
+        Some(Self { values, variances: uneven.sup(&even) })
     }
 
     /// A coefficient and its standard error.
     fn coefficient(&self, index: usize) -> (f64, f64) {
-        (self.values[index], self.covariance[(index, index)].max(0.0).sqrt())
+        (self.values[index], self.variances[index].max(0.0).sqrt())
     }
 }
 
@@ -150,6 +155,8 @@ mod tests {
     use motorbench_data::recording::Recording;
     use motorbench_data::rig::Rig;
     use proptest::prelude::*;
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
     use std::fmt::Write as _;
 
     const STEP_S: f64 = 2e-5;
@@ -200,6 +207,22 @@ mod tests {
             let given = format!("{rig}[recording]\ncommand_delay_s = 0.0\n");
             let data = Dataset::new(&[recording()], &Rig::parse("rig.toml", &given).unwrap()).unwrap();
             prop_assert!(!data.origin.written_after, "the rig file decides");
+        }
+
+        /// Noise in its row is no response.
+        #[test]
+        fn a_single_step_does_not_tell_the_row_of_its_command(seed: u64, rows_late in 0_u32..80) {
+            let mut random = ChaCha8Rng::seed_from_u64(seed);
+            let mut text = String::from("t_s,u_V,omega_rad_per_s\n");
+            let step_row = random.random_range(50..200);
+            for row in 0..1000 {
+                let since_s = 4e-3 * (f64::from(row) - f64::from(step_row + rows_late));
+                let speed = 80.0 * (1.0 - (-since_s.max(0.0) / 0.05).exp()) + random.random_range(-0.3..0.3);
+                let _ = writeln!(text, "{:.3},{},{speed:.4}", 4e-3 * f64::from(row), if row < step_row { 0 } else { 5 });
+            }
+            let recording = Recording::parse("run.csv", text.as_bytes(), &[]).unwrap();
+            let data = Dataset::new(&[recording], &Rig::parse("rig.toml", "[supply]\nvoltage_V = 12.0\n").unwrap()).unwrap();
+            prop_assert!(!data.origin.written_after);
         }
     }
 }

@@ -213,14 +213,19 @@ impl Chooser<'_> {
     fn usual_model(&self) -> Fit {
         let model = self.with_usual(Model::linear(self.prior.motor), &scales(&self.prior.motor, self.data));
         let usual = self.fits.fit(&model, Effort::AGAIN);
-        let is_near = above_floor(self.data, &usual) <= SMALL_REST;
-        let late = self.delayed(&usual.model).filter(|_| !is_near).map(|late| self.fits.fit(&late, Effort::AGAIN));
+        if above_floor(self.data, &usual) <= SMALL_REST {
+            return usual;
+        }
+        let late = self.delayed(&usual.model).map(|late| self.fits.fit(&late, Effort::AGAIN));
         late.filter(|late| late.cost < usual.cost).unwrap_or(usual)
     }
 
-    /// With the delay by which a quick motor agrees best with the readings. A fit that begins without one takes it for a
-    /// slow winding, and does not come back.
+    /// With the delay by which a quick motor agrees best with the readings, if there is one. A fit that begins without one
+    /// takes it for a slow winding, and does not come back.
     fn delayed(&self, model: &Model) -> Option<Model> {
+        if !self.data.axis.drive.is_voltage() {
+            return None;
+        }
         let delay = self.possible().find(|effect| effect.about().id == DELAY)?;
         let quick = lateness::at_once(&lateness::with_time_constant(model, lateness::QUICK_S), self.prior);
         let errors = lateness::errors(self.data, &self.fits.replay.free_run(model));

@@ -14,6 +14,7 @@ mod real_recordings;
 mod recordings;
 mod schema;
 mod scoring;
+mod single_step;
 mod slow_pwm;
 mod steady_tables;
 mod unknown_effects;

@@ -143,6 +143,19 @@ fn assert_near(what: &str, found: f64, expected: f64, share: f64) {
     assert!((found / expected - 1.0).abs() < share, "{what}: {found}, expected {expected}");
 }
 
+/// Some draws look like a bridge that drops less in the off phase. Behind such a bridge no recording shows the scale of the
+/// voltages: then the interval has to know it.
+fn assert_drop_told(case: &str, found: &Outcome) {
+    let drop = found.causes.iter().find(|cause| cause.effect == "voltage_drop");
+    let drop = drop.unwrap_or_else(|| panic!("{case}: no drop: {found:?}"));
+    if drop.parameters.contains_key("off_phase_V") {
+        let [low, high] = drop.parameters["drop_V"].ci95.expect("it was fitted");
+        assert!(low <= DROP_V && DROP_V <= high && high - low < DROP_V, "{case}: drop in {low} to {high}");
+    } else {
+        assert_near(&format!("{case}: drop"), drop.parameters["drop_V"].value, DROP_V, 0.15);
+    }
+}
+
 /// The clock of the board is off by up to half a percent, and the recording begins anywhere in a period.
 fn assert_told(timer: Timer, between: Between, bridge: &str) {
     let seed = fresh_seed();
@@ -162,7 +175,7 @@ fn assert_told(timer: Timer, between: Between, bridge: &str) {
     let found = diagnosed(&bench.table(between), bridge);
     assert_near(&format!("{case}: friction"), value(&found, "coulomb_friction", "torque_Nm"), FRICTION_NM, 0.15);
     if between == Between::Brakes {
-        assert_near(&format!("{case}: drop"), value(&found, "voltage_drop", "drop_V"), DROP_V, 0.15);
+        assert_drop_told(&case, &found);
     }
     let inductance_h = found.parameters["inductance_H"].value;
     assert_near(&format!("{case}: inductance"), inductance_h, INDUCTANCE_H, 0.15);

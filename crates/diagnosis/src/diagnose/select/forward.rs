@@ -113,7 +113,7 @@ impl Chooser<'_> {
         let effort = Effort::TRIAL.useless_above(base.cost);
         let scales = scales(&self.prior.motor, self.data);
         let nominal = Model::linear(self.prior.motor);
-        // One delay explains what is left of a step when nothing else does.
+        // The linear fit has put a delay into its winding.
         let delayed = self.delayed(&nominal);
         // Their rarer laws only if a rest remains: most that look like one at first are none.
         let mut models = self.with_global_effects(&nominal, &scales);
