@@ -216,8 +216,11 @@ impl Chooser<'_> {
         if above_floor(self.data, &usual) <= SMALL_REST {
             return usual;
         }
-        let late = self.delayed(&usual.model).map(|late| self.fits.fit(&late, Effort::AGAIN));
-        late.filter(|late| late.cost < usual.cost).unwrap_or(usual)
+        // Beside a friction that is not there a fit does not find the delay.
+        let late = [&usual.model, &Model::linear(self.prior.motor)].map(|model| self.delayed(model));
+        let late: Vec<Model> = late.into_iter().flatten().collect();
+        let fits = late.into_par_iter().map(|late| self.fits.fit(&late, Effort::AGAIN)).collect::<Vec<_>>();
+        fits.into_iter().fold(usual, |best, late| if late.cost < best.cost { late } else { best })
     }
 
     /// With the delay by which a quick motor agrees best with the readings, if there is one. A fit that begins without one
