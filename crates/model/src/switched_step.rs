@@ -109,10 +109,8 @@ struct Shaft<'a> {
 impl Shaft<'_> {
     /// Until the shaft stops or starts, or for the whole length: what is reached, and after what time.
     fn phase(&self, from: State, length: Length) -> (State, f64) {
-        if from.speed != 0.0 {
-            return self.moving(from, from.speed.signum(), length);
-        }
-        if let Some(sense) = self.breaks_free(from.current_a) {
+        let sense = if from.speed == 0.0 { self.breaks_free(from.current_a) } else { Some(from.speed.signum()) };
+        if let Some(sense) = sense {
             return self.moving(from, sense, length);
         }
         let end = self.standing(from, length.length_s);
@@ -149,6 +147,11 @@ impl Shaft<'_> {
         let slowing_nm_s = self.step.viscous_friction_nm_s + self.terms.viscous_nm_s;
         let torque_nm = self.driving_nm(from.current_a, sense) - slowing_nm_s * from.speed;
         let acceleration = torque_nm / self.step.inertia_kg_m2;
+        // A parabola lies above its chord or above its tangent: mostly neither comes to zero.
+        let on_tangent = from.speed + acceleration * length.length_s;
+        if sense * end.speed >= 0.0 && sense * on_tangent >= 0.0 {
+            return (end, length.length_s);
+        }
         let (mut reached, mut passed_s) = (end, length.length_s);
         for _ in 0..ROUNDS {
             let curvature = ((reached.speed - from.speed) / passed_s - acceleration) / passed_s;

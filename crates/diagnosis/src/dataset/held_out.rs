@@ -16,7 +16,7 @@ const HELD_OUT: usize = 1;
 /// Evenly spread, the held-out part has a third of all changes of the motion. With less than a twentieth it judges what it
 /// hardly sees, and with more than half of them the fit does.
 const FAIR: RangeInclusive<f64> = 0.05..=0.5;
-/// A change is that over this part of a block.
+/// A change is that over this part of a block: at most 16 ms, short against the response of a motor.
 const PART_OF_BLOCK: usize = 16;
 
 impl Dataset {

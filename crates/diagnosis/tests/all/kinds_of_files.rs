@@ -3,6 +3,7 @@
 //! The motor is simulated here, apart from the models. Kinds of files that give the very same recording are tested
 //! where they are read, in `motorbench-data`. Here stand those in which reading changes what a diagnosis sees.
 
+use crate::less;
 use motorbench_data::convert::{Dialect, Format, read};
 use motorbench_data::recording::Recording;
 use motorbench_data::rig::Rig;
@@ -36,11 +37,6 @@ struct Row {
     volts: f64,
     speed: f64,
     current: f64,
-}
-
-/// What a loss takes of a value, at most all of it.
-fn less(value: f64, loss: f64) -> f64 {
-    value.signum() * (value.abs() - loss).max(0.0)
 }
 
 /// The motor in steps of 20 us under a voltage that is held from row to row.

@@ -27,3 +27,8 @@ fn fresh_seed() -> u64 {
     println!("seed {seed}");
     seed
 }
+
+/// What is left of a value after a loss, which takes at most all of it.
+fn less(value: f64, loss: f64) -> f64 {
+    value.signum() * (value.abs() - loss).max(0.0)
+}

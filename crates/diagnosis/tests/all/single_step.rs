@@ -1,6 +1,6 @@
 //! Recordings of one step, without a current: the benches of a first lesson. Their simulation shares nothing with the models.
 
-use crate::fresh_seed;
+use crate::{fresh_seed, less};
 use motorbench_data::recording::Recording;
 use motorbench_data::rig::Rig;
 use motorbench_diagnosis::diagnose::diagnose;
@@ -40,7 +40,7 @@ impl Motor {
         }
     }
 
-    /// Speed and angle at times `row_s` apart, for a voltage and a load over time (Nm, of angle and speed).
+    /// Speed and angle at times `row_s` apart, for a voltage and a friction over time and a load over the angle.
     fn run(
         &self,
         rows: usize,
@@ -61,7 +61,7 @@ impl Motor {
             current_a += STEP_S / self.inductance_h * driving_v;
             let torque_nm = self.torque_constant * current_a - self.viscous_nm_s * speed - load_nm(angle_rad);
             let free = speed + STEP_S / self.inertia_kg_m2 * torque_nm;
-            speed = (free.abs() - STEP_S / self.inertia_kg_m2 * friction_nm(time_s)).max(0.0).copysign(free);
+            speed = less(free, STEP_S / self.inertia_kg_m2 * friction_nm(time_s));
             angle_rad += STEP_S * speed;
         }
         read

@@ -1,11 +1,11 @@
 //! The stock PWM of an Uno, 490 Hz: the current goes up and down within each period, and a sketch reads it at any moment.
 //! The bridge brakes or coasts between the pulses. The simulation shares nothing with the models.
 
-use crate::fresh_seed;
+use crate::{fresh_seed, less};
 use motorbench_data::recording::Recording;
 use motorbench_data::rig::Rig;
 use motorbench_diagnosis::diagnose::diagnose;
-use motorbench_diagnosis::diagnose::outcome::{Outcome, Verdict};
+use motorbench_diagnosis::diagnose::outcome::{Cause, Outcome, Verdict};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::f64::consts::TAU;
@@ -95,11 +95,6 @@ impl Bench {
     }
 }
 
-/// What a loss takes of a value, at most all of it.
-fn less(value: f64, loss: f64) -> f64 {
-    value.signum() * (value.abs() - loss).max(0.0)
-}
-
 /// Duties of both signs for some time each, and a slow way through zero.
 fn command(time_s: f64) -> f64 {
     const DUTIES: [i32; 16] = [0, 129, 60, 210, -139, 162, -128, 208, -26, -110, 120, -32, 103, 24, -223, 193];
@@ -134,9 +129,9 @@ fn diagnosed(text: &str, bridge: &str) -> Outcome {
     diagnose(&[recording], &Rig::parse("rig.toml", &rig).unwrap(), &|_| ()).unwrap().outcome
 }
 
-fn value(found: &Outcome, effect: &str, name: &str) -> f64 {
+fn named<'a>(found: &'a Outcome, effect: &str) -> &'a Cause {
     let cause = found.causes.iter().find(|cause| cause.effect == effect);
-    cause.unwrap_or_else(|| panic!("no {effect}: {found:?}")).parameters[name].value
+    cause.unwrap_or_else(|| panic!("no {effect}: {found:?}"))
 }
 
 fn assert_near(what: &str, found: f64, expected: f64, share: f64) {
@@ -146,8 +141,7 @@ fn assert_near(what: &str, found: f64, expected: f64, share: f64) {
 /// Some draws look like a bridge that drops less in the off phase. Behind such a bridge no recording shows the scale of the
 /// voltages: then the interval has to know it.
 fn assert_drop_told(case: &str, found: &Outcome) {
-    let drop = found.causes.iter().find(|cause| cause.effect == "voltage_drop");
-    let drop = drop.unwrap_or_else(|| panic!("{case}: no drop: {found:?}"));
+    let drop = named(found, "voltage_drop");
     if drop.parameters.contains_key("off_phase_V") {
         let [low, high] = drop.parameters["drop_V"].ci95.expect("it was fitted");
         assert!(low <= DROP_V && DROP_V <= high && high - low < DROP_V, "{case}: drop in {low} to {high}");
@@ -173,7 +167,12 @@ fn assert_told(timer: Timer, between: Between, bridge: &str) {
     let case = format!("seed {seed}, {:.3} Hz", bench.pwm_hz);
     let hz = bench.pwm_hz;
     let found = diagnosed(&bench.table(between), bridge);
-    assert_near(&format!("{case}: friction"), value(&found, "coulomb_friction", "torque_Nm"), FRICTION_NM, 0.15);
+    assert_near(
+        &format!("{case}: friction"),
+        named(&found, "coulomb_friction").parameters["torque_Nm"].value,
+        FRICTION_NM,
+        0.15,
+    );
     if between == Between::Brakes {
         assert_drop_told(&case, &found);
     }

@@ -9,7 +9,7 @@ use crate::motor::MotorParameters;
 /// Least time constant: no bearing warms up faster.
 const LEAST_S: f64 = 0.5;
 
-/// Greatest excess: the base oil of a grease has a fifth of its viscosity at 50 degrees that it has at 10.
+/// Greatest excess: at 50 degrees a mineral oil of grease (ISO VG 100) has a fifth of its viscosity at 20.
 const MOST_EXCESS: f64 = 4.0;
 
 /// See the module.

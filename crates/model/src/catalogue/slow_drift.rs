@@ -1,5 +1,5 @@
-//! Friction that drifts: a law to compare with, not in the catalogue. What follows any slow course better than it follows
-//! time in its own way is none of the effects that do.
+//! Friction that drifts: a law to compare with, not in the catalogue. An effect that changes with time is not named where
+//! such a drift fits better.
 
 use super::{
     About, ActsOn, Balance, Coordinate, Effect, Instant, Law, Parameter, Scales, Search, Shown, Strength, Unit,
@@ -7,7 +7,7 @@ use super::{
 use crate::motor::MotorParameters;
 use std::f64::consts::PI;
 
-/// Half waves over the recording: one to so many.
+/// Half waves over the recording: one to so many. Two effects that change with time have as many constants.
 const WAVES: usize = 4;
 
 /// See the module.
@@ -55,7 +55,7 @@ impl Law for SlowDrift {
         let half_wave = PI * at.time_s / values[WAVES];
         let waves = values[..WAVES].iter().zip(1..);
         let torque_nm: f64 = waves.map(|(wave_nm, number)| wave_nm * (f64::from(number) * half_wave).cos()).sum();
-        balance.torque_nm -= torque_nm.copysign(torque_nm * at.speed_rad_per_s);
+        balance.torque_nm -= torque_nm * at.speed_rad_per_s.signum();
     }
 }
 

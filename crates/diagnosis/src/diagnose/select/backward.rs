@@ -288,7 +288,9 @@ impl Chooser<'_> {
             let like_it = effect.instead_of(id, values, &scales).or_else(|| takes_the_same_volts(effect))?;
             let mut beside_found = model.without(id).with(effect, like_it);
             for term in &mut beside_found.terms {
-                term.values = effect.leaves(id, values, term).unwrap_or_else(|| std::mem::take(&mut term.values));
+                if let Some(left) = effect.leaves(id, values, term) {
+                    term.values = left;
+                }
             }
             let beside_nominal = Model { motor: self.prior.motor, terms: beside_found.terms.clone() };
             let fits = [beside_found, beside_nominal].map(|start| self.fits.fit(&start, effort));
