@@ -51,7 +51,8 @@ impl Dataset {
         self.blocks_of_changes(rows_of_block)
     }
 
-    /// As many blocks, each with its share of the time and of the changes.
+    /// As many blocks, each with its share of the time and of the changes. Where a row has more than a share, the next rows
+    /// are blocks as well: otherwise chance would decide which part has the begin of a step.
     fn blocks_of_changes(&self, rows_of_block: usize) -> Vec<usize> {
         let (speeds, span) = (&self.motion().values, (rows_of_block / PART_OF_BLOCK).max(1));
         let change = |row: usize| {
@@ -61,12 +62,13 @@ impl Dataset {
         let changes: Vec<f64> = (0..self.len()).map(change).collect();
         let all = changes.iter().sum::<f64>().max(f64::MIN_POSITIVE);
         let count = self.len() as f64 / rows_of_block as f64;
-        let mut passed = 0.0;
-        let block = |change: f64| {
+        let (mut passed, mut block) = (0.0, 0);
+        let block_of = |change: f64| {
             passed += 0.5 * (1.0 / self.len() as f64 + change / all);
-            (passed * count) as usize
+            block += usize::from(passed * count >= (block + 1) as f64);
+            block
         };
-        changes.into_iter().map(block).collect()
+        changes.into_iter().map(block_of).collect()
     }
 }
 
