@@ -12,7 +12,7 @@ pub use reading::read;
 pub use replay::Replay;
 
 use crate::dataset::{Dataset, Stretch};
-use motorbench_model::catalogue::{Balance, Instant};
+use motorbench_model::catalogue::{Balance, Coordinate, Instant};
 use motorbench_model::{LinearStep, Model, Reached};
 use std::ops::Range;
 
@@ -181,11 +181,25 @@ impl Course {
         Self { from_rad: angle[index], turned_rad, bent_rad }
     }
 
+    /// The angle at a share of the time between the two, and the turn from `half` before it to `half` after it; zeros where
+    /// nobody asks for them.
+    fn around(course: Option<&Self>, middle: f64, half: f64) -> [f64; 2] {
+        course.map_or([0.0; 2], |course| {
+            [course.angle_rad(middle), course.angle_rad(middle + half) - course.angle_rad(middle - half)]
+        })
+    }
+
     /// `share`: of the time between the two.
     fn angle_rad(&self, share: f64) -> f64 {
         let rest = 1.0 - share;
         self.from_rad + share * self.turned_rad + share * rest * (rest * self.bent_rad[0] - share * self.bent_rad[1])
     }
+}
+
+/// Whether a term of the motor depends on the angle of the shaft.
+fn acts_by_angle(model: &Model) -> bool {
+    let effects = model.terms.iter().map(|term| term.effect).filter(|effect| effect.acts_on_motor());
+    effects.map(|effect| effect.about()).any(|about| about.shown.over == Coordinate::Angle)
 }
 
 /// Inertia of the motor's own shaft; a fit may try to make it zero.

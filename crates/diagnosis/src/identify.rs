@@ -35,8 +35,8 @@ mod uncertainty;
 mod unknown_scale;
 mod unknowns;
 
-/// Steps that locate the time of an event.
-const LOCATING: usize = 16;
+/// The time of an event is located to this part of a row: the fit moves it further.
+const LOCATED_ROWS: f64 = 0.25;
 
 /// Sizes for the starting values of effects.
 pub fn scales(motor: &MotorParameters, data: &Dataset) -> Scales {
@@ -143,7 +143,7 @@ fn located(model: &Model, replay: &Replay, term: usize, index: usize, spacing: f
     let cost = |value: f64| {
         let mut moved = model.clone();
         moved.terms[term].values[index] = value;
-        let (prediction, is_possible) = replay.simulated(&moved);
+        let (prediction, is_possible) = replay.simulated(&moved, Steps::Coarse);
         if !is_possible {
             return f64::INFINITY;
         }
@@ -159,7 +159,7 @@ fn located(model: &Model, replay: &Replay, term: usize, index: usize, spacing: f
     let mut best = model.terms[term].values[index];
     let mut least = cost(best);
     let mut distance = 0.5 * spacing;
-    for _ in 0..LOCATING {
+    while distance > LOCATED_ROWS * replay.data.interval_s {
         for value in [best - distance, best + distance].into_iter().filter(|value| *value > 0.6 * spacing) {
             let here = cost(value);
             if here < least {

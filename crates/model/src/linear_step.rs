@@ -93,7 +93,8 @@ impl LinearStep {
     }
 
     /// Current and speed at the end of the step.
-    #[inline]
+    // In the loop of a simulation: through memory, what it returns takes longer than the step itself.
+    #[inline(always)]
     pub fn take(&self, current_a: f64, speed: f64, input: Input, terms: &Balance) -> Reached {
         let voltage_v = match input {
             Input::Voltage(voltage_v) => voltage_v,

@@ -114,11 +114,18 @@ impl Ripple {
     }
 
     /// The same with a duty from -1 to 1.
-    pub fn with_duty(self, duty: f64) -> Self {
+    pub fn with_duty(mut self, duty: f64) -> Self {
+        self.set_duty(duty);
+        self
+    }
+
+    /// With a duty from -1 to 1.
+    pub fn set_duty(&mut self, duty: f64) {
         let pulse = duty.abs().min(1.0);
-        let sense = if duty == 0.0 { 0.0 } else { duty.signum() };
-        let (pulse, off) = (Part::new(pulse, self.decay), Part::new(1.0 - pulse, self.decay));
-        Self { sense, pulse, off, of_one_ampere: Swing::of_one_ampere(&pulse, &off, self.decay), ..self }
+        self.sense = if duty == 0.0 { 0.0 } else { duty.signum() };
+        self.pulse = Part::new(pulse, self.decay);
+        self.off = Part::new(1.0 - pulse, self.decay);
+        self.of_one_ampere = Swing::of_one_ampere(&self.pulse, &self.off, self.decay);
     }
 
     /// What is lost over a period in which the current stays positive, and in which it stays negative.

@@ -11,6 +11,7 @@ use super::select::{SMALL_REST, usual_model};
 use crate::dataset::{Dataset, LateCourse, median};
 use crate::free_run::free_run;
 use crate::identify::{Effort, Fit, Prior, fit};
+use maybe_rayon::prelude::*;
 use motorbench_model::Model;
 
 /// A lateness is another than usual if it differs by this share of its range.
@@ -40,11 +41,13 @@ pub(super) fn settled(data: Dataset, prior: &Prior) -> Dataset {
     // What the usual model lacks is mostly the lateness. Later, as much is expected as the best model so far has lacked.
     let mut expected: Vec<f64> = errors(&data, &usual.prediction);
     expected.iter_mut().for_each(|error| *error *= NOT_LATENESS);
-    let first = TIME_CONSTANTS_S.into_iter().filter_map(|time_constant_s| {
+    let first = TIME_CONSTANTS_S.into_par_iter().map(|time_constant_s| {
         let model = at_once(&with_time_constant(&usual.model, time_constant_s), prior);
         moved(&data, &model, &expected, prior)
     });
-    let mut best = first.min_by(|(_, one), (_, other)| mean_square(one).total_cmp(&mean_square(other)));
+    let first: Vec<_> = first.collect();
+    let mut best =
+        first.into_iter().flatten().min_by(|(_, one), (_, other)| mean_square(one).total_cmp(&mean_square(other)));
     for _ in 1..ROUNDS {
         let Some((retimed, found)) = &best else { break };
         let lacked = errors(retimed, &found.prediction);

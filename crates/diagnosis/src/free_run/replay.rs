@@ -1,7 +1,7 @@
 //! The recorded command and the recorded angle, cut into the steps of a simulation. They are the same for all models with
 //! one delay, so what simulates many models cuts them once.
 
-use super::{Course, Motion, Prediction, Steps, longest_step_s, read, run::Run};
+use super::{Course, Motion, Prediction, Steps, acts_by_angle, longest_step_s, read, run::Run};
 use crate::dataset::{Dataset, Measured, Output, Stretch, Window};
 use motorbench_model::{Model, SAME_LENGTH_S};
 use std::ops::Range;
@@ -47,12 +47,12 @@ impl<'a> Replay<'a> {
 
     /// What the sensors would have read.
     pub fn free_run(&self, model: &Model) -> Prediction {
-        self.simulated(model).0
+        self.simulated(model, Steps::Fine).0
     }
 
     /// The same, and whether the model can be simulated. Otherwise a value that is no number is not a missing one.
-    pub(crate) fn simulated(&self, model: &Model) -> (Prediction, bool) {
-        let motion = self.drive(model, Steps::Fine);
+    pub(crate) fn simulated(&self, model: &Model, steps: Steps) -> (Prediction, bool) {
+        let motion = self.drive(model, steps);
         let is_possible = model.is_finite() && motion.is_finite(self.data);
         (read(model, self.data, motion), is_possible)
     }
@@ -84,6 +84,8 @@ struct Cutting {
     delay_s: f64,
     /// By how much the delay grows in each second of the recording.
     delay_growth: f64,
+    /// Whether a term depends on the angle.
+    by_angle: bool,
 }
 
 impl Cutting {
@@ -94,6 +96,7 @@ impl Cutting {
             usual_step_s: if data.current().is_some() { LONGEST_S } else { LONGEST_WITHOUT_CURRENT_S },
             delay_s: model.delay_s() + data.origin.timing.command_delay_s.unwrap_or(0.0),
             delay_growth: model.delay_growth(),
+            by_angle: acts_by_angle(model),
         }
     }
 
@@ -119,7 +122,7 @@ pub(super) struct Piece {
     pub mean_duty: f64,
     /// Whether the bridge is open.
     pub open: bool,
-    /// Recorded angle in its middle, and the turn over it.
+    /// Recorded angle in its middle, and the turn over it; 0 where no term depends on them.
     pub angle_rad: f64,
     pub turned_rad: f64,
 }
@@ -192,6 +195,7 @@ struct Knife<'a> {
     acts_within: bool,
     /// Whether neither current nor motion shows that the first command acted before its row.
     from_rest: bool,
+    by_angle: bool,
 }
 
 impl<'a> Knife<'a> {
@@ -212,6 +216,7 @@ impl<'a> Knife<'a> {
             begins_with: if still { (0.0, 0.0) } else { (current_a, speed_rad_per_s) },
             from_rest: still && data.current().is_none_or(|measured| may_be_zero(current_a, measured)),
             acts_within: delay_s > 0.0 || delay_growth != 0.0 || data.has_moments(),
+            by_angle: cutting.by_angle,
         }
     }
 
@@ -225,14 +230,14 @@ impl<'a> Knife<'a> {
         let interval_s = data.time_s[index + 1] - data.time_s[index];
         let steps = (interval_s / self.longest_step_s - 1e-6).ceil().max(1.0);
         let step_s = interval_s / steps;
-        let course = Course::new(data, self.range.clone(), index);
+        let course = self.course(index);
         for part in 0..steps as usize {
             for (since_s, length_s) in self.pieces(index, part as f64 * step_s, step_s).into_iter().flatten() {
                 // The middle of the step represents it.
-                let share = (since_s + 0.5 * length_s) / interval_s;
-                let half = 0.5 * length_s / interval_s;
                 let delay_s = self.delay_at(index);
                 let (command, duty) = self.command(index, since_s - delay_s, length_s);
+                let middle = (since_s + 0.5 * length_s) / interval_s;
+                let [angle_rad, turned_rad] = Course::around(course.as_ref(), middle, 0.5 * length_s / interval_s);
                 pieces.push(Piece {
                     time_s: data.time_s[index] + since_s,
                     length_s,
@@ -240,11 +245,16 @@ impl<'a> Knife<'a> {
                     duty,
                     mean_duty: duty,
                     open: data.open[self.acting_at(index, since_s + 0.5 * length_s - delay_s)],
-                    angle_rad: course.angle_rad(share),
-                    turned_rad: course.angle_rad(share + half) - course.angle_rad(share - half),
+                    angle_rad,
+                    turned_rad,
                 });
             }
         }
+    }
+
+    /// The recorded angle after a sample, where a term depends on it.
+    fn course(&self, index: usize) -> Option<Course> {
+        self.by_angle.then(|| Course::new(self.data, self.range.clone(), index))
     }
 
     /// The same with every edge of the PWM. A command waits for the next period where the compare registers of the timer
@@ -253,7 +263,7 @@ impl<'a> Knife<'a> {
         let data = self.data;
         let (mut from_s, to_s) = (data.time_s[index], data.time_s[index + 1]);
         let interval_s = to_s - from_s;
-        let course = Course::new(data, self.range.clone(), index);
+        let course = self.course(index);
         while from_s < to_s - SAME_LENGTH_S {
             let [begun_s, next_s] = data.origin.period_around_s(from_s + SAME_LENGTH_S);
             let at_once = data.origin.commands_at_once;
@@ -265,8 +275,8 @@ impl<'a> Knife<'a> {
             let ends_s = ends_s.unwrap_or(next_s);
             let is_pulse = from_s >= pulse_s - SAME_LENGTH_S && ends_s <= pulse_ends_s + SAME_LENGTH_S;
             let length_s = (ends_s.min(to_s).min(changes_s) - from_s).min(self.longest_step_s);
-            let share = (from_s + 0.5 * length_s - data.time_s[index]) / interval_s;
-            let half = 0.5 * length_s / interval_s;
+            let middle = (from_s + 0.5 * length_s - data.time_s[index]) / interval_s;
+            let [angle_rad, turned_rad] = Course::around(course.as_ref(), middle, 0.5 * length_s / interval_s);
             pieces.push(Piece {
                 time_s: from_s,
                 length_s,
@@ -274,8 +284,8 @@ impl<'a> Knife<'a> {
                 duty: if is_pulse { mean_duty.signum() } else { 0.0 },
                 mean_duty,
                 open: data.open[row],
-                angle_rad: course.angle_rad(share),
-                turned_rad: course.angle_rad(share + half) - course.angle_rad(share - half),
+                angle_rad,
+                turned_rad,
             });
             from_s += length_s;
         }
@@ -285,8 +295,7 @@ impl<'a> Knife<'a> {
     fn taken_at(&self, index: usize, begun_s: f64) -> (usize, f64) {
         let data = self.data;
         let at_s = begun_s - self.delay_at(index) + SAME_LENGTH_S;
-        let mut acted = (self.range.start..=self.last_acting(index, at_s)).rev();
-        match acted.find(|row| data.acts_from_s(*row) <= at_s) {
+        match self.acting_until(self.last_acting(index, at_s), at_s) {
             Some(row) => (row, data.duty[row]),
             // Before a start from rest no command acted.
             None => (self.range.start, if self.from_rest { 0.0 } else { data.duty[self.range.start] }),
@@ -334,10 +343,17 @@ impl<'a> Knife<'a> {
             return index;
         }
         let at_s = data.time_s[index] + offset_s;
-        (self.range.start..=self.last_acting(index, at_s))
-            .rev()
-            .find(|row| data.acts_from_s(*row) <= at_s)
-            .unwrap_or(self.range.start)
+        self.acting_until(self.last_acting(index, at_s), at_s).unwrap_or(self.range.start)
+    }
+
+    /// The last sample up to `last` whose command acts at this time.
+    fn acting_until(&self, last: usize, at_s: f64) -> Option<usize> {
+        let data = self.data;
+        if data.has_moments() {
+            return (self.range.start..=last).rev().find(|row| data.acts_from_s(*row) <= at_s);
+        }
+        let passed = data.time_s[self.range.start..=last].partition_point(|time_s| *time_s <= at_s);
+        passed.checked_sub(1).map(|passed| self.range.start + passed)
     }
 
     /// The last sample, from `index` on, whose command acts before `end_s`.
@@ -357,6 +373,8 @@ impl<'a> Knife<'a> {
             return (data.command[index], data.duty[index]);
         }
         let (mut command, mut duty) = (0.0, 0.0);
+        // Those after it act later.
+        sample = self.acting_until(sample, end_s).unwrap_or(self.range.start);
         loop {
             let acts_before = sample == self.range.start && !self.from_rest;
             let start_s = if acts_before { f64::NEG_INFINITY } else { data.acts_from_s(sample) };

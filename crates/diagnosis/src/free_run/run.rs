@@ -1,10 +1,11 @@
 //! Simulates the motor of a model through one stretch of the data.
 
 use super::replay::{Cut, Piece};
-use super::{Motion, inertia_kg_m2};
+use super::{Motion, acts_by_angle, inertia_kg_m2};
 use crate::dataset::{Dataset, Stretch};
 use motorbench_data::rig;
-use motorbench_model::catalogue::{ActsOn, Balance, Coordinate, Effect, Instant};
+use motorbench_model::catalogue::{ActsOn, Balance, Effect, Instant};
+use motorbench_model::motor::MotorParameters;
 use motorbench_model::pwm_period::Ripple;
 use motorbench_model::{Input, LinearStep, Model, Reached, SAME_LENGTH_S, SwitchedStep, Term};
 use std::collections::VecDeque;
@@ -39,9 +40,7 @@ pub(super) struct Run<'a> {
     cut: &'a Cut,
     range: Range<usize>,
     inertia_kg_m2: f64,
-    step: LinearStep,
-    /// Where every edge of the PWM is simulated.
-    switched: Option<SwitchedStep>,
+    stepper: Stepper,
     acting: Vec<Acting<'a>>,
     current_a: f64,
     speed_rad_per_s: f64,
@@ -60,9 +59,43 @@ pub(super) struct Run<'a> {
     ripple_a: f64,
     /// The last steps, as far back as the window of the current.
     lately: VecDeque<Passed>,
+    /// Whether anything depends on the ripple of the current.
+    has_ripple: bool,
     /// The PWM with the last duty.
     driven: (f64, Ripple),
     before: Option<Before>,
+}
+
+/// Steps of the motor.
+struct Stepper {
+    linear: LinearStep,
+    /// Where every edge of the PWM is simulated.
+    switched: Option<SwitchedStep>,
+}
+
+impl Stepper {
+    /// From a current and a speed.
+    #[inline]
+    fn take(
+        &mut self,
+        motor: &MotorParameters,
+        inertia_kg_m2: f64,
+        step_s: f64,
+        (current_a, speed_rad_per_s): (f64, f64),
+        input: Input,
+        terms: &Balance,
+    ) -> Reached {
+        match (&mut self.switched, input) {
+            (Some(step), Input::Voltage(voltage_v)) if !terms.drops_with_the_mean() => {
+                step.set_length(motor, inertia_kg_m2, step_s);
+                step.take(current_a, speed_rad_per_s, voltage_v, terms)
+            }
+            _ => {
+                self.linear.set_length(motor, inertia_kg_m2, step_s);
+                self.linear.take(current_a, speed_rad_per_s, input, terms)
+            }
+        }
+    }
 }
 
 /// Conditions of the previous step.
@@ -96,10 +129,15 @@ impl<'a> Run<'a> {
             cut,
             range: stretch.rows.clone(),
             inertia_kg_m2: if data.is_held(stretch) { HELD_KG_M2 } else { inertia_kg_m2(model) },
-            step: LinearStep::default(),
-            switched: data.is_switched().then(SwitchedStep::default),
+            stepper: Stepper {
+                linear: LinearStep::default(),
+                switched: data.is_switched().then(SwitchedStep::default),
+            },
             lately: VecDeque::new(),
-            acts_by_angle: acting.iter().any(|acting| acting.effect.about().shown.over == Coordinate::Angle),
+            acts_by_angle: acts_by_angle(model),
+            has_ripple: data.current().is_some()
+                || data.origin.hidden_drop_v != 0.0
+                || acting.iter().any(|Acting { effect, .. }| effect.about().acts_on.contains(&ActsOn::Voltage)),
             acting,
             current_a,
             speed_rad_per_s,
@@ -143,7 +181,7 @@ impl<'a> Run<'a> {
         let interval_s = data.time_s[next] - data.time_s[index];
         let is_voltage = data.axis.drive.is_voltage();
         // Where every edge is simulated, so is the ripple.
-        let is_averaged = is_voltage && self.switched.is_none();
+        let is_averaged = is_voltage && self.stepper.switched.is_none();
         let sampled_at = data.origin.current_sampled_at(data.time_s[next]).filter(|_| is_averaged);
         let (mut charge, first_a) = (0.0, self.current_a);
         for piece in cut.row(index - self.range.start) {
@@ -191,14 +229,18 @@ impl<'a> Run<'a> {
     #[inline]
     fn advance(&mut self, at: &mut Instant, input: Input, load_nm: f64, is_kept: bool) -> f64 {
         let motor = &self.model.motor;
-        let ripple = self.ripple(at.duty);
+        if self.has_ripple {
+            self.change_ripple(at.duty);
+        }
+        let ripple = &self.driven.1;
         let dry_drop_v = self.data.origin.hidden_drop_v;
-        let mut terms = Balance { torque_nm: -load_nm, dry_drop_v, ripple: &ripple, ..Balance::default() };
+        let mut terms = Balance { torque_nm: -load_nm, dry_drop_v, ripple, ..Balance::default() };
         for Acting { effect, values, state } in &mut self.acting {
             effect.contribute(values, motor, at, state, &mut terms);
         }
         let before = self.speed_rad_per_s;
-        let reached = self.step(at, input, &terms);
+        let from = (self.current_a, self.speed_rad_per_s);
+        let reached = self.stepper.take(motor, self.inertia_kg_m2, at.step_s, from, input, &terms);
         (self.current_a, self.speed_rad_per_s) = (reached.current_a, reached.speed_rad_per_s);
         self.angle_rad += 0.5 * (before + self.speed_rad_per_s) * at.step_s;
         at.current_a = self.current_a;
@@ -209,32 +251,19 @@ impl<'a> Run<'a> {
             }
         }
         if is_kept {
-            self.before = Some(Before { at: *at, terms: Balance { ripple: &Ripple::NONE, ..terms }, ripple });
+            let without = Balance { ripple: &Ripple::NONE, ..terms };
+            self.before = Some(Before { at: *at, terms: without, ripple: *ripple });
         }
-        if self.switched.is_some() {
+        if self.stepper.switched.is_some() {
             self.lately.push_back(Passed { length_s: at.step_s, mean_a: reached.mean_a, end_a: reached.current_a });
         }
         reached.mean_a
     }
 
-    #[inline]
-    fn step(&mut self, at: &Instant, input: Input, terms: &Balance) -> Reached {
-        match (&mut self.switched, input) {
-            (Some(step), Input::Voltage(voltage_v)) if !terms.drops_with_the_mean() => {
-                step.set_length(&self.model.motor, self.inertia_kg_m2, at.step_s);
-                step.take(self.current_a, self.speed_rad_per_s, voltage_v, terms)
-            }
-            _ => {
-                self.step.set_length(&self.model.motor, self.inertia_kg_m2, at.step_s);
-                self.step.take(self.current_a, self.speed_rad_per_s, input, terms)
-            }
-        }
-    }
-
     /// The current as its sensor averages it. Where no edges are simulated, that is left to the reading.
     fn over_window_a(&mut self) -> f64 {
         let window_s = self.data.origin.current_window_s;
-        if self.switched.is_none() || window_s == 0.0 {
+        if self.stepper.switched.is_none() || window_s == 0.0 {
             self.lately.clear();
             return self.current_a;
         }
@@ -262,18 +291,18 @@ impl<'a> Run<'a> {
         let Some(before) = self.before.as_ref().filter(is_another).copied() else { return };
         let begun = self.above_mean_a(&before.at, &before.terms(), 0.0);
         let at = Instant { voltage_v, duty, ..before.at };
-        let ripple = self.ripple(duty);
-        let terms = Balance { ripple: &ripple, ..before.terms };
+        self.change_ripple(duty);
+        let terms = Balance { ripple: &self.driven.1, ..before.terms };
         self.current_a += begun - self.above_mean_a(&at, &terms, 0.0);
     }
 
     /// The PWM with a duty, which is the same for many steps.
     #[inline]
-    fn ripple(&mut self, duty: f64) -> Ripple {
+    fn change_ripple(&mut self, duty: f64) {
         if duty != self.driven.0 {
-            self.driven = (duty, self.driven.1.with_duty(duty));
+            self.driven.0 = duty;
+            self.driven.1.set_duty(duty);
         }
-        self.driven.1
     }
 
     /// Current at its sampling time in the period, less its mean.
@@ -283,7 +312,7 @@ impl<'a> Run<'a> {
         }
         let since_pulse = sampled_at - self.data.origin.pulse.begins_at(at.duty);
         let sampled_at = if since_pulse < 0.0 { since_pulse + 1.0 } else { since_pulse };
-        let volts = self.step.volts(at.current_a, at.speed_rad_per_s, at.voltage_v, terms);
+        let volts = self.stepper.linear.volts(at.current_a, at.speed_rad_per_s, at.voltage_v, terms);
         terms.ripple.sampled_a(at.current_a, sampled_at, &volts) - at.current_a
     }
 }

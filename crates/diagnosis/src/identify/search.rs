@@ -6,7 +6,7 @@ use super::sensitivities::Sensitivities;
 use super::unknown_scale::UnknownScale;
 use super::unknowns::{Unknown, prior_cost, unknowns};
 use super::{Effort, Fit, Prior, square, weighted_residual};
-use crate::free_run::{Prediction, Replay};
+use crate::free_run::{Prediction, Replay, Steps};
 use motorbench_model::Model;
 use nalgebra::DVector;
 use std::sync::OnceLock;
@@ -45,7 +45,7 @@ struct Known {
 
 impl Point {
     fn new(model: Model, replay: &Replay, unknowns: &[Unknown]) -> Self {
-        let (prediction, is_possible) = replay.simulated(&model);
+        let (prediction, is_possible) = replay.simulated(&model, Steps::Fine);
         let residual = weighted_residual(replay.data, &prediction);
         let cost = match is_possible {
             true => square(&residual) + prior_cost(&model, unknowns),

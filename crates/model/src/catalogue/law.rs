@@ -92,12 +92,13 @@ pub struct Balance<'a> {
     pub return_excess_v: f64,
     /// Torque that drives the shaft, in newton metres.
     pub torque_nm: f64,
-    /// Friction proportional to speed.
-    pub viscous_nm_s: f64,
+    // At an even place: the compiler adds to both at once, and would else wait for two writes before.
     /// Friction against positive motion, not negative in sum.
     pub dry_forward_nm: f64,
     /// Friction against negative motion, not negative in sum.
     pub dry_backward_nm: f64,
+    /// Friction proportional to speed.
+    pub viscous_nm_s: f64,
 }
 
 impl Default for Balance<'_> {
@@ -112,9 +113,9 @@ impl Default for Balance<'_> {
             off_excess_v: 0.0,
             return_excess_v: 0.0,
             torque_nm: 0.0,
-            viscous_nm_s: 0.0,
             dry_forward_nm: 0.0,
             dry_backward_nm: 0.0,
+            viscous_nm_s: 0.0,
         }
     }
 }
