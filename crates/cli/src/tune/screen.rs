@@ -9,14 +9,14 @@ use motorbench_link::Line;
 use motorbench_link::board::BoardError;
 use motorbench_text::terminal_text::fixed;
 use ratatui::Frame;
-use ratatui::crossterm::event::{Event, KeyCode, KeyEventKind, KeyModifiers, poll, read};
+use ratatui::crossterm::event::{Event, KeyCode, KeyEventKind, KeyModifiers, read};
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Modifier, Style};
 use ratatui::text::Line as TextLine;
 use ratatui::widgets::{Block, Chart, Paragraph};
 use std::borrow::Cow;
 use std::mem::ManuallyDrop;
-use std::time::Duration;
+use std::sync::mpsc::{Receiver, channel};
 
 /// Number of points of a trace.
 const POINTS: usize = 400;
@@ -45,11 +45,12 @@ fn until_quit<L: Line>(
     stop: &dyn Fn() -> bool,
 ) -> Result<(), BoardError> {
     let failed = |error: std::io::Error| BoardError::Failed(format!("the terminal: {error}"));
+    let events = events();
     while !stop() {
         session.poll()?;
         terminal.draw(|frame| draw(frame, session)).map_err(failed)?;
-        while poll(Duration::ZERO).map_err(failed)? {
-            let Event::Key(event) = read().map_err(failed)? else { continue };
+        while let Ok(event) = events.try_recv() {
+            let Event::Key(event) = event.map_err(failed)? else { continue };
             let control_c = event.modifiers.contains(KeyModifiers::CONTROL) && event.code == KeyCode::Char('c');
             if event.kind == KeyEventKind::Press && (control_c || event.code == KeyCode::Char('q')) {
                 return Ok(());
@@ -60,6 +61,21 @@ fn until_quit<L: Line>(
         }
     }
     Ok(())
+}
+
+/// What happens in the terminal, read in a thread of its own: of a terminal that is closed, the reader may never return.
+fn events() -> Receiver<std::io::Result<Event>> {
+    let (sender, receiver) = channel();
+    std::thread::spawn(move || {
+        loop {
+            let event = read();
+            let is_last = event.is_err();
+            if sender.send(event).is_err() || is_last {
+                break;
+            }
+        }
+    });
+    receiver
 }
 
 /// A key by its name: its character, or `space`, `tab`, `up`, `down`, `left`, `right`.
