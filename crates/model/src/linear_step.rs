@@ -93,7 +93,7 @@ impl LinearStep {
     }
 
     /// Current and speed at the end of the step.
-    // In the loop of a simulation: through memory, what it returns takes longer than the step itself.
+    // A simulation calls it in its loop. Returned through memory, its numbers would be waited for.
     #[inline(always)]
     pub fn take(&self, current_a: f64, speed: f64, input: Input, terms: &Balance) -> Reached {
         let voltage_v = match input {
