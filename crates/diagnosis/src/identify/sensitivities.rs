@@ -11,7 +11,7 @@ use nalgebra::{DMatrix, DVector};
 /// Relative step of the finite differences.
 const DIFFERENCE: f64 = 2e-3;
 /// The same for a model with events that shift in time: long enough to average over several of them, since a single one
-/// misleads. Where every edge of the PWM is simulated, an event has its own time within a step and misleads nobody.
+/// misleads. Where every edge of the PWM is simulated, an event has its own time within a step: the usual one is right.
 const DIFFERENCE_OVER_EVENTS: f64 = 4e-2;
 
 /// A simulation that others are compared with.
