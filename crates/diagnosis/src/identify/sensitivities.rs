@@ -4,14 +4,15 @@ use super::unknown_scale::UnknownScale;
 use super::{Unknown, dot, weighted_residual};
 use crate::free_run::{Motion, Prediction, Replay, Steps, nudged, read};
 use maybe_rayon::prelude::*;
-use motorbench_model::Model;
 use motorbench_model::catalogue::{Balance, Effect};
+use motorbench_model::{Model, Term};
 use nalgebra::{DMatrix, DVector};
 
 /// Relative step of the finite differences.
 const DIFFERENCE: f64 = 2e-3;
 /// The same for a model with events that shift in time: long enough to average over several of them, since a single one
-/// misleads. Where every edge of the PWM is simulated, an event has its own time within a step: the usual one is right.
+/// misleads. Where every edge of the PWM is simulated, the events of its switching have their own times within a step: there
+/// the usual one is right.
 const DIFFERENCE_OVER_EVENTS: f64 = 4e-2;
 
 /// A simulation that others are compared with.
@@ -71,7 +72,8 @@ impl Sensitivities {
         // Without a current the data hardly depend on some directions: there the error of a one-sided difference would
         // decide.
         let both_sides = data.current().is_none();
-        let has_events = !data.is_switched() && model.terms.iter().any(|term| term.effect.has_events());
+        let is_at_edges = |effect: &dyn Effect| data.is_switched() && effect.is_of_switching();
+        let has_events = model.terms.iter().any(|Term { effect, .. }| effect.has_events() && !is_at_edges(*effect));
         let difference = if has_events { DIFFERENCE_OVER_EVENTS } else { DIFFERENCE };
         let mut columns: Vec<Vec<f64>> = unknowns
             .into_par_iter()
