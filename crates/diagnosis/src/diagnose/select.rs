@@ -169,10 +169,12 @@ impl Chooser<'_> {
         let refined = laws::refined(&found, self.data, self.prior).into_iter();
         let Some(best) = refined.min_by(|a, b| a.cost.total_cmp(&b.cost)) else { return (found, steps) };
         (self.progress)("beside another law");
-        let (wider, added) = self.forward(best, Vec::new(), Lead::Significance);
+        let (wider, added) = self.forward(best, Vec::new(), Lead::Evidence);
+        // The looks of a way do not come to the end, and every effect has to stand.
+        let wider = self.to_the_end(wider);
         let least = VERY_STRONG_NATS + added.len() as f64 * (CATALOGUE.len() as f64).ln();
         match evidence_nats(self.data, &found, &wider) > least && self.all_stand(&wider) {
-            true => (self.to_the_end(wider), [steps, added].concat()),
+            true => (wider, [steps, added].concat()),
             false => (found, steps),
         }
     }
@@ -324,6 +326,8 @@ impl Chooser<'_> {
                 .map(|values| self.fits.fit(&found.model.with_values(index, values), Effort::NONE));
             let near = laws.filter(|fit| fit.cost < NEAR * found.cost);
             let mut fits: Vec<Fit> = near.map(|near| self.fits.fit(&near.model, Effort::TRIAL)).collect();
+            // Very strong evidence keeps the present law.
+            fits.retain(|other| evidence_nats(self.data, other, &found) < VERY_STRONG_NATS);
             fits.push(found);
             fits.sort_by(|a, b| a.cost.total_cmp(&b.cost));
             let as_good = (0..fits.len()).filter(|law| is_same(&self.gain(&fits[*law], &fits[0])));

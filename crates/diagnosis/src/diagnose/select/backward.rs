@@ -37,6 +37,11 @@ const OTHER_NUMBERS: usize = 6;
 const GAINED_BY_ANY: f64 = 0.5;
 const LEFT_BY_ANY: f64 = 2.0;
 
+/// Whether an effect has evidence enough for a name, however few of the held-out blocks it shows in.
+pub(super) fn names_by_evidence(gain: &Gain, nats: f64) -> bool {
+    gain.share > MATTERS_SHARE && is_very_strong(nats)
+}
+
 /// A model without one of its effects.
 struct Check {
     id: &'static str,
@@ -134,7 +139,7 @@ impl Chooser<'_> {
                 && !is_same(&self.gain(&self.with_nominal_inductance(&without), current))
         };
         let nats = evidence_nats(self.data, &without, current);
-        let is_certain = own.sigmas > NAMED_SIGMAS || own.share > MATTERS_SHARE && is_very_strong(nats);
+        let is_certain = own.sigmas > NAMED_SIGMAS || names_by_evidence(&own, nats);
         let term = current.model.term(id).expect("one of its own terms");
         // Hardly any bench is without the usual effects: for them very strong evidence suffices, of the data and the data
         // sheet together.

@@ -1,7 +1,8 @@
 //! Forward: fits the candidates in free run and adds those with evidence.
 
+use super::backward::names_by_evidence;
 use super::{Chooser, Gain, MOST_EFFECTS, Step, Way, has_evidence};
-use crate::diagnose::judge::{NOT_NOISE, above_floor, above_noise};
+use crate::diagnose::judge::{NOT_NOISE, above_floor, above_noise, evidence_nats};
 use crate::identify::{Effort, Fit, scales};
 use maybe_rayon::prelude::*;
 use motorbench_model::catalogue::{ActsOn, CATALOGUE, Effect, Scales, USUAL};
@@ -31,6 +32,8 @@ pub(super) enum Lead {
     /// The lowest cost. An effect at standstill gains most in a few places, and becomes significant only when the rest
     /// is right.
     Cost,
+    /// The lowest cost among those with very strong evidence. For what is judged as a whole at its end.
+    Evidence,
 }
 
 impl Chooser<'_> {
@@ -42,6 +45,7 @@ impl Chooser<'_> {
             let significant = |fits: &[Fit]| match lead {
                 Lead::Significance => self.first_with_evidence(&current, fits),
                 Lead::Cost => None,
+                Lead::Evidence => self.first_with_strong_evidence(&current, fits),
             };
             let mut chosen = significant(&fits);
             if chosen.is_none()
@@ -105,6 +109,12 @@ impl Chooser<'_> {
     fn first_with_evidence(&self, current: &Fit, fits: &[Fit]) -> Option<(usize, Gain)> {
         let gains = fits.iter().map(|fit| self.gain(current, fit));
         gains.enumerate().find(|(_, gain)| has_evidence(gain))
+    }
+
+    fn first_with_strong_evidence(&self, current: &Fit, fits: &[Fit]) -> Option<(usize, Gain)> {
+        let gains = fits.iter().map(|fit| (self.gain(current, fit), evidence_nats(self.data, current, fit)));
+        let (index, (gain, _)) = gains.enumerate().find(|(_, (gain, nats))| names_by_evidence(gain, *nats))?;
+        Some((index, gain))
     }
 
     /// Fits from the nominal motor, with effects of which the linear fit leaves no trace. Also with the two effects of
