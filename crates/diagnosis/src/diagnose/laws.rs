@@ -71,6 +71,17 @@ fn refined_laws(term: &Term, data: &Dataset, scales: &Scales) -> Vec<Vec<f64>> {
     if data.is_ripple_known() { term.effect.refined_laws(&term.values, scales) } else { Vec::new() }
 }
 
+/// Whether an effect has one of its refined laws: the same constants move.
+pub(super) fn is_refined(term: &Term, scales: &Scales) -> bool {
+    let parameters = term.effect.about().parameters;
+    let moving = |values: &[f64]| {
+        parameters.iter().zip(values).map(|(parameter, value)| parameter.moves(*value)).collect::<Vec<_>>()
+    };
+    let usual = parameters.iter().zip(&term.values).map(|(parameter, value)| parameter.default.unwrap_or(*value));
+    let refined = term.effect.refined_laws(&usual.collect::<Vec<_>>(), scales);
+    refined.iter().any(|law| moving(law) == moving(&term.values))
+}
+
 fn with_laws(found: &Fit, data: &Dataset, prior: &Prior, laws: impl Fn(&Term, &Scales) -> Vec<Vec<f64>>) -> Vec<Fit> {
     let scales = scales(&found.model.motor, data);
     let of_term = |(index, term): (usize, &Term)| {

@@ -248,7 +248,7 @@ impl Chooser<'_> {
     }
 
     fn is_doubtful(&self, fit: &Fit) -> bool {
-        self.doubts(fit) != ([false; 2], false)
+        self.doubts(fit) != ([false; 2], false) || self.excessive_inductance_h(fit).is_some()
     }
 
     fn better(&self, way: Way, other: Way) -> Way {
@@ -326,8 +326,10 @@ impl Chooser<'_> {
                 .map(|values| self.fits.fit(&found.model.with_values(index, values), Effort::NONE));
             let near = laws.filter(|fit| fit.cost < NEAR * found.cost);
             let mut fits: Vec<Fit> = near.map(|near| self.fits.fit(&near.model, Effort::TRIAL)).collect();
-            // Very strong evidence keeps the present law.
-            fits.retain(|other| evidence_nats(self.data, other, &found) < VERY_STRONG_NATS);
+            if laws::is_refined(term, &scales) {
+                // It came by very strong evidence, and goes only without it.
+                fits.retain(|other| evidence_nats(self.data, other, &found) < VERY_STRONG_NATS);
+            }
             fits.push(found);
             fits.sort_by(|a, b| a.cost.total_cmp(&b.cost));
             let as_good = (0..fits.len()).filter(|law| is_same(&self.gain(&fits[*law], &fits[0])));

@@ -199,6 +199,33 @@ fn readings_that_wait_in_a_buffer_are_compared_at_their_own_time() {
     }
 }
 
+/// Without a current, a command that acts late by a few milliseconds looks like a slow winding. The rig file knows the winding.
+#[test]
+fn a_late_command_is_no_slow_winding() {
+    let seed = fresh_seed();
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let late_s = random.random_range(3e-3..6e-3);
+    let late = |time_s: f64| if time_s < late_s { 0.0 } else { command(time_s - late_s) };
+    let mut text = String::from("t_s,duty,omega_rad_per_s\n");
+    for Row { time_s, speed_rad_per_s, .. } in course(Bench::new([0.0; 2], FAST_PWM_HZ), late).into_iter().step_by(2) {
+        let speed = speed_rad_per_s + random.random_range(-0.4..0.4);
+        let _ = writeln!(text, "{time_s:.3},{:.5},{speed:.3}", command(time_s));
+    }
+    let rig = format!(
+        "[supply]\nvoltage_V = {SUPPLY_V}\n[motor]\nresistance_ohm = {}\ninductance_H = {}\n",
+        RESISTANCE_OHM * random.random_range(0.95..1.05),
+        INDUCTANCE_H * random.random_range(0.9..1.1)
+    );
+    let recording = Recording::parse("run.csv", text.as_bytes(), &[]).expect("it is well-formed");
+    let rig = Rig::parse("rig.toml", &rig).expect("it is well-formed");
+    let found = diagnose(&[recording], &rig, &|_| ()).expect("it can be used").outcome;
+    let case = format!("seed {seed}, {late_s} s late");
+    assert_eq!(names(&found), ["actuation_delay", "coulomb_friction"], "{case}: {found:?}");
+    let delay = found.causes.iter().find(|cause| cause.effect == "actuation_delay").expect("it was named");
+    let delay_s = delay.parameters["delay_s"].value;
+    assert!((delay_s - late_s).abs() < 1.5e-3, "{case}: {delay_s}");
+}
+
 /// The off phase acts as another supply, except where the current touches zero in each period.
 #[test]
 fn the_intervals_know_a_drop_that_differs_in_the_off_phase() {

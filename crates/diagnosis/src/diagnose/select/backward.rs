@@ -18,6 +18,9 @@ pub(in crate::diagnose) const NAMED_SIGMAS: f64 = 6.0;
 /// Evidence names an effect that explains at least this share of the remaining error: a smaller one may be what another law
 /// leaves out.
 const MATTERS_SHARE: f64 = 0.1;
+/// Held-out data confirm what the seen data show with very strong evidence from this significance on: once in forty times by
+/// chance.
+const CONFIRMED_SIGMAS: f64 = 2.0;
 /// Significance of an effect whose usual companion is absent; wrong names had ten.
 const ALONE_SIGMAS: f64 = 50.0;
 /// A similar law outside the catalogue is the better one with this significance, however small its gain.
@@ -37,9 +40,10 @@ const OTHER_NUMBERS: usize = 6;
 const GAINED_BY_ANY: f64 = 0.5;
 const LEFT_BY_ANY: f64 = 2.0;
 
-/// Whether an effect has evidence enough for a name, however few of the held-out blocks it shows in.
+/// Whether the evidence of the seen data names an effect that the held-out data confirm, however few blocks of them it shows
+/// in.
 pub(super) fn names_by_evidence(gain: &Gain, nats: f64) -> bool {
-    gain.share > MATTERS_SHARE && is_very_strong(nats)
+    gain.sigmas > CONFIRMED_SIGMAS && gain.share > MATTERS_SHARE && is_very_strong(nats)
 }
 
 /// A model without one of its effects.
@@ -131,15 +135,13 @@ impl Chooser<'_> {
             Some(Alone::Rarely) => own.sigmas > ALONE_SIGMAS,
             Some(Alone::Never) => false,
         };
-        let is_excessive = |fit: &Fit| self.excessive_inductance_h(fit).is_some();
         let keeps_the_winding = || {
             self.looks_like_inductance(id)
-                && is_excessive(&without)
-                && (!is_excessive(current) || is_same(&self.gain(&self.with_nominal_inductance(current), current)))
-                && !is_same(&self.gain(&self.with_nominal_inductance(&without), current))
+                && self.excessive_inductance_h(&without).is_some()
+                && self.has_the_winding(current)
+                && self.needs_its_winding(&without, current, id)
         };
         let nats = evidence_nats(self.data, &without, current);
-        let is_certain = own.sigmas > NAMED_SIGMAS || names_by_evidence(&own, nats);
         let term = current.model.term(id).expect("one of its own terms");
         // Hardly any bench is without the usual effects: for them very strong evidence suffices, of the data and the data
         // sheet together.
@@ -148,11 +150,25 @@ impl Chooser<'_> {
             && !self.spoils(&own)
             && (keeps_the_motor
                 || keeps_the_winding()
-                || has_evidence(&own) && is_certain
+                || has_evidence(&own) && own.sigmas > NAMED_SIGMAS
+                || names_by_evidence(&own, nats)
                 || USUAL.contains(&id) && own.share > LEAST_SHARE && nats + 0.5 * more_deviation > VERY_STRONG_NATS)
             && self.number_matters(current, &without, id)
             && self.law_matters(current, &without, id);
         Check { id, without, own, stands, is_named }
+    }
+
+    /// Whether a model explains less, by the held-out data or by very strong evidence.
+    pub(super) fn is_worse(&self, fit: &Fit, than: &Fit) -> bool {
+        !is_same(&self.gain(fit, than)) || is_very_strong(evidence_nats(self.data, fit, than))
+    }
+
+    /// Whether a model without an effect explains less with the nominal inductance. Of a delay very strong evidence says so as
+    /// well: every command acts late, while a lag needs a filter.
+    fn needs_its_winding(&self, without: &Fit, current: &Fit, id: &str) -> bool {
+        let held = self.with_nominal_inductance(without);
+        let is_delay = effect(id).is_some_and(|effect| effect.about().is_delay);
+        if is_delay { self.is_worse(&held, current) } else { !is_same(&self.gain(&held, current)) }
     }
 
     /// The model without one of its effects. Without a current, friction and drop take the same volts at any speed: there the

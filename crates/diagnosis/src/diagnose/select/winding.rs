@@ -1,6 +1,6 @@
 //! An inductance far above the nominal one is likelier an effect that looks like it.
 
-use super::{Chooser, is_same};
+use super::Chooser;
 use crate::identify::{Effort, Fit, fit, scales};
 use motorbench_model::catalogue::{INDUCTANCE, effect};
 
@@ -23,11 +23,16 @@ impl Chooser<'_> {
             model.motor.inductance_h -= excess_h;
             self.or_other_laws(self.fits.fit(&model, Effort::FULL), |term| term.id() == effect.about().id)
         });
-        let has_the_winding = fits.filter(|other| self.excessive_inductance_h(other).is_none());
+        let has_the_winding = fits.filter(|other| self.has_the_winding(other));
         match has_the_winding.min_by(|a, b| a.cost.total_cmp(&b.cost)) {
-            Some(other) if is_same(&self.gain(&other, &found)) => other,
+            Some(other) if !self.is_worse(&other, &found) => other,
             _ => found,
         }
+    }
+
+    /// Whether a model explains the data with the nominal inductance, or with one that is not far from it.
+    pub(super) fn has_the_winding(&self, fit: &Fit) -> bool {
+        self.excessive_inductance_h(fit).is_none() || !self.is_worse(&self.with_nominal_inductance(fit), fit)
     }
 
     /// If the inductance stayed implausible with an effect, or after a search without one: restarts from the nominal
