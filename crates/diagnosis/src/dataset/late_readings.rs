@@ -22,6 +22,11 @@ pub struct LateCourse {
 }
 
 impl LateReadings {
+    /// How often the lateness jumped.
+    pub fn jumps(&self) -> usize {
+        self.course.jumps
+    }
+
     pub(super) fn note(&self) -> String {
         let [least_s, most_s] = self.between_s;
         let LateCourse { growth, jumps } = self.course;

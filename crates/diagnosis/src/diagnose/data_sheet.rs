@@ -13,6 +13,8 @@ const VISCOUS_SPREAD: f64 = 0.5;
 /// Squared deviations of R, k and J from their nominal values, in standard deviations, for each nominal value: more is
 /// implausible.
 const IMPLAUSIBLE_EACH: f64 = 8.0;
+/// An inductance this many times the nominal one may be an effect.
+const EXCESSIVE_INDUCTANCE: f64 = 1.35;
 /// The most that a bridge of transistors and the brushes behind it drop: 3.6 V (ST L293D data sheet, both saturation voltages
 /// at their maximum), and 1 V for carbon brushes.
 const MOST_DROP_V: f64 = 4.6;
@@ -29,6 +31,13 @@ pub(super) fn doubts(data: &Dataset, prior: &Prior, fit: &Fit) -> [bool; 2] {
 pub(super) fn is_implausible(prior: &Prior, fit: &Fit) -> bool {
     let given = off_data_sheet(prior, fit).count().max(1);
     squared_deviations(prior, fit) > IMPLAUSIBLE_EACH * given as f64
+}
+
+/// Excess of the inductance over the nominal one, where it is large.
+pub(super) fn excessive_inductance_h(prior: &Prior, fit: &Fit) -> Option<f64> {
+    let nominal_h = prior.nominal.inductance_h?;
+    let found_h = fit.model.motor.inductance_h;
+    (found_h > EXCESSIVE_INDUCTANCE * nominal_h).then_some(found_h - nominal_h)
 }
 
 /// Whether several constants are beyond the tolerance of the data sheet: then they more likely compensate for something

@@ -16,6 +16,11 @@ pub const NOT_NOISE: f64 = 1.15;
 /// 90 (1995)).
 pub(super) const VERY_STRONG_NATS: f64 = 5.0;
 
+/// A block whose error is this multiple of the usual one is no usual one.
+const FAR_OFF: f64 = 3.0;
+/// After so many rounds the usual error no longer changes.
+const USUAL_ROUNDS: usize = 30;
+
 /// A simpler model whose cost is at most this multiple counts as equally good.
 pub(super) const AS_GOOD: f64 = 1.02;
 
@@ -33,36 +38,83 @@ pub struct Gain {
     pub rmse: Vec<(f64, f64)>,
 }
 
-/// Compares two predictions on the held-out data.
+/// Compares two predictions on the held-out data. A stretch that both miss by far more than the usual one, such as a start
+/// from rest that neither meets, counts as a usual one: it would outweigh all others and says nothing of the difference.
 pub fn gain(data: &Dataset, before: &Prediction, after: &Prediction) -> Gain {
-    let block = (BLOCK_S / data.interval_s).max(1.0) as usize;
-    let rmse: Vec<(f64, f64)> =
-        (0..data.measured.len()).map(|output| (rmse(data, before, output), rmse(data, after, output))).collect();
-    let (mut total, mut variance) = (0.0, 0.0);
-    for start in (0..data.len()).step_by(block) {
-        let mut chance = 0.0;
-        for (output, measured) in data.measured.iter().enumerate() {
-            // The noise is what the better model leaves; this weight favours neither model.
-            let scale = measured.least_error(measured.noise).max(rmse[output].0.min(rmse[output].1));
-            for index in (start..(start + block).min(data.len())).filter(|index| data.held_out[*index]) {
-                let left = (measured.values[index] - after[output][index]) / scale;
-                let change = (after[output][index] - before[output][index]) / scale;
-                if left.is_finite() && change.is_finite() {
-                    chance += 2.0 * left * change;
-                    total += change * (2.0 * left + change);
-                }
-            }
+    let blocks_of = |output| blocks(data, before, after, output);
+    let by_output: Vec<Vec<Block>> = (0..data.measured.len()).map(blocks_of).collect();
+    let mut chances = vec![0.0; data.len().div_ceil(block_rows(data))];
+    let (mut total, mut share) = (0.0, f64::NEG_INFINITY);
+    for (blocks, measured) in by_output.iter().zip(&data.measured) {
+        let usual = [usual_square(blocks, |block| block.before), usual_square(blocks, |block| block.after)];
+        // The noise is what the better model leaves; this weight favours neither model.
+        let square = measured.least_error(measured.noise).powi(2).max(usual[0].min(usual[1]));
+        let mut left = [0.0; 2];
+        for block in blocks {
+            let weight = (FAR_OFF * FAR_OFF * square * block.count / block.before.min(block.after)).min(1.0);
+            total += weight * (block.before - block.after) / square;
+            chances[block.index] += weight * block.chance / square;
+            left[0] += weight * block.before;
+            left[1] += weight * block.after;
         }
-        variance += chance * chance;
+        let count = blocks.iter().map(|block| block.count).sum::<f64>().max(1.0);
+        let remaining = left[1] / count + measured.tolerance.powi(2);
+        share = share.max((left[0] - left[1]) / count / remaining.max(f64::MIN_POSITIVE));
     }
-    let share = rmse.iter().zip(&data.measured).map(|((before, after), measured)| {
-        (before * before - after * after) / after.hypot(measured.tolerance).powi(2).max(f64::MIN_POSITIVE)
-    });
+    let variance: f64 = chances.iter().map(|chance| chance * chance).sum();
     Gain {
         sigmas: if variance > 0.0 { total / variance.sqrt() } else { 0.0 },
-        share: share.fold(f64::NEG_INFINITY, f64::max),
-        rmse,
+        share,
+        rmse: (0..data.measured.len()).map(|output| (rmse(data, before, output), rmse(data, after, output))).collect(),
     }
+}
+
+/// What two models leave of one quantity in one block of the held-out data.
+struct Block {
+    index: usize,
+    /// Sums of squares.
+    before: f64,
+    after: f64,
+    /// What chance adds to their difference, if the model `after` is right.
+    chance: f64,
+    count: f64,
+}
+
+fn block_rows(data: &Dataset) -> usize {
+    (BLOCK_S / data.interval_s).max(1.0) as usize
+}
+
+fn blocks(data: &Dataset, before: &Prediction, after: &Prediction, output: usize) -> Vec<Block> {
+    let mut blocks: Vec<Block> = Vec::new();
+    for index in (0..data.len()).filter(|index| data.held_out[*index]) {
+        let value = data.measured[output].values[index];
+        let (was, left) = (value - before[output][index], value - after[output][index]);
+        if !was.is_finite() || !left.is_finite() {
+            continue;
+        }
+        let of = index / block_rows(data);
+        if blocks.last().is_none_or(|block| block.index != of) {
+            blocks.push(Block { index: of, before: 0.0, after: 0.0, chance: 0.0, count: 0.0 });
+        }
+        let block = blocks.last_mut().expect("one was just added");
+        block.before += was * was;
+        block.after += left * left;
+        block.chance += 2.0 * left * (was - left);
+        block.count += 1.0;
+    }
+    blocks
+}
+
+/// Mean square of a model's error where blocks far off count as [`FAR_OFF`] (Huber, Annals of Mathematical Statistics 35
+/// (1964), proposal 2).
+fn usual_square(blocks: &[Block], sum_of: impl Fn(&Block) -> f64) -> f64 {
+    let count = blocks.iter().map(|block| block.count).sum::<f64>().max(1.0);
+    let mut square = blocks.iter().map(&sum_of).sum::<f64>() / count;
+    for _ in 0..USUAL_ROUNDS {
+        let most = |block: &Block| FAR_OFF * FAR_OFF * square * block.count;
+        square = blocks.iter().map(|block| sum_of(block).min(most(block))).sum::<f64>() / count;
+    }
+    square
 }
 
 /// Evidence for `after` over `before` in natural units (Schwarz, Annals of Statistics 6 (1978)): of the costs of two fits to
@@ -166,4 +218,48 @@ pub fn rmse_interval(data: &Dataset, prediction: &Prediction, output: usize) -> 
         .collect();
     found.sort_by(f64::total_cmp);
     [found[RESAMPLES * 25 / 1000], found[RESAMPLES * 975 / 1000]]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use motorbench_data::recording::Recording;
+    use motorbench_data::rig::Rig;
+    use std::fmt::Write as _;
+
+    /// Speeds of 40 to 60 rad/s with noise of 0.3 rad/s, steps of the command each quarter of a second.
+    fn recorded() -> Dataset {
+        let mut text = String::from("t_s,u_V,omega_rad_per_s\n");
+        for row in 0..4000 {
+            let (volts, noise) = (4.0 + f64::from(row / 250 % 3), f64::from(row * 59 % 101) / 101.0 - 0.5);
+            let _ = writeln!(text, "{:.3},{volts},{:.4}", f64::from(row) * 1e-3, 10.0 * volts + noise);
+        }
+        let recording = Recording::parse("run.csv", text.as_bytes(), &[]).unwrap();
+        Dataset::new(&[recording], &Rig::parse("rig.toml", "[supply]\nvoltage_V = 12\n").unwrap()).unwrap()
+    }
+
+    /// The speeds of the commands, all of them off by one number and those of the last held-out block by another.
+    fn predicted(data: &Dataset, off: f64, off_in_last: f64) -> Prediction {
+        let last = data.held_out.iter().rposition(|held_out| *held_out).unwrap();
+        let is_in_last = |row: usize| row / block_rows(data) == last / block_rows(data);
+        let at = |row: usize| 10.0 * data.command[row] + if is_in_last(row) { off_in_last } else { off };
+        vec![(0..data.len()).map(at).collect()]
+    }
+
+    #[test]
+    fn a_block_that_both_models_miss_decides_nothing() {
+        let data = recorded();
+        let of = |before: [f64; 2], after: [f64; 2]| {
+            let [before, after] = [before, after].map(|[off, off_in_last]| predicted(&data, off, off_in_last));
+            gain(&data, &before, &after)
+        };
+        let without = of([1.0, 1.0], [0.0, 0.0]);
+        assert!(without.sigmas > 6.0 && without.share > 0.2, "{without:?}");
+        // Both miss the last block by a hundred times as much, the better model even more.
+        let with = of([1.0, 40.0], [0.0, 40.1]);
+        assert!(with.sigmas > 6.0 && with.share > 0.1, "{with:?}");
+        // What one of them alone misses counts in full.
+        let alone = of([1.0, 1.0], [0.0, 40.0]);
+        assert!(alone.sigmas < 0.0 && alone.share < 0.0, "{alone:?}");
+    }
 }

@@ -5,15 +5,19 @@
 use super::bad_stretches::MOST_LEFT_OUT;
 use super::channels::excluded;
 use super::command_times::LEAST_GAIN;
-use super::judge::motion_above_floor;
-use super::lateness::{QUICK_S, at_once, errors, late_s, with_time_constant, without_lag};
+use super::judge::{self, motion_above_floor};
+use super::lateness::{self, JUMP_NATS, QUICK_S, at_once, errors, late_s, with_time_constant, without_lag};
 use super::select::{SMALL_REST, usual_model};
 use crate::dataset::{Dataset, LateCourse, median};
 use crate::free_run::free_run;
 use crate::identify::{Effort, Fit, Prior, fit};
 use maybe_rayon::prelude::*;
-use motorbench_model::Model;
+use motorbench_model::catalogue::effect;
+use motorbench_model::linear::motor_model::TimeConstants;
+use motorbench_model::{Direction, Model};
 
+/// Identifier of the friction that holds a shaft at rest.
+const FRICTION: &str = "coulomb_friction";
 /// A lateness is another than usual if it differs by this share of its range.
 const ANOTHER: f64 = 0.25;
 /// Model and lateness are estimated in turn, this often...
@@ -24,6 +28,13 @@ const CLOSER: f64 = 0.9;
 const NOT_LATENESS: f64 = 0.2;
 /// Time constants of the motors that the search begins with. One that is far off finds another lateness.
 const TIME_CONSTANTS_S: [f64; 3] = [QUICK_S, 0.02, 0.1];
+/// Dead bands of these motors, as shares of the greatest command: friction and drop of small motors take 3 to 14 % of it.
+const DEAD_BANDS: [f64; 5] = [0.03, 0.05, 0.07, 0.1, 0.14];
+/// The best of these motors are fitted, and the best fits are improved in turn with the lateness.
+const BEGUN: usize = 4;
+const FOLLOWED: usize = 2;
+/// A usual model whose dead band takes more of the greatest command has found no speed.
+const MOST_DEAD: f64 = 0.9;
 /// First and last step in the search for what is the motor's own of a lateness.
 const FIRST_STEP_S: f64 = 0.02;
 const LAST_STEP_S: f64 = 1e-3;
@@ -41,26 +52,68 @@ pub(super) fn settled(data: Dataset, prior: &Prior) -> Dataset {
     // What the usual model lacks is mostly the lateness. Later, as much is expected as the best model so far has lacked.
     let mut expected: Vec<f64> = errors(&data, &usual.prediction);
     expected.iter_mut().for_each(|error| *error *= NOT_LATENESS);
-    let first = TIME_CONSTANTS_S.into_par_iter().map(|time_constant_s| {
-        let model = at_once(&with_time_constant(&usual.model, time_constant_s), prior);
-        moved(&data, &model, &expected, prior)
-    });
-    let first: Vec<_> = first.collect();
-    let mut best =
-        first.into_iter().flatten().min_by(|(_, one), (_, other)| mean_square(one).total_cmp(&mean_square(other)));
-    for _ in 1..ROUNDS {
-        let Some((retimed, found)) = &best else { break };
-        let lacked = errors(retimed, &found.prediction);
-        expected.iter_mut().zip(lacked).for_each(|(expected, lacked)| *expected = expected.min(lacked));
-        let again = moved(&data, &without_lag(&found.model, prior), &expected, prior);
-        match again {
-            Some(again) if mean_square(&again.1) >= CLOSER * mean_square(found) => break,
-            // Nothing is late beside a better model.
-            again => best = again,
-        }
-    }
+    let begun = beginnings(&data, &usual.model, &expected, prior).into_par_iter();
+    let mut begun: Vec<_> = begun.filter_map(|from| moved(&data, &from, &expected, prior)).collect();
+    begun.sort_by(|one, other| nats(one).total_cmp(&nats(other)));
+    begun.truncate(FOLLOWED);
+    let ways = begun.into_par_iter().filter_map(|way| followed(&data, way, &expected, prior));
+    let best = ways.min_by(|one, other| nats(one).total_cmp(&nats(other)));
     let explains = |found: &Fit| mean_square(found) < LEAST_GAIN * mean_square(&usual);
     best.filter(|(_, found)| explains(found)).map_or(data, |(retimed, _)| retimed)
+}
+
+/// Models to begin with: those beside which the readings cost least, however late they are. Beside too little friction the
+/// lateness takes the time in which the shaft rests, and a fit beside that lateness finds no more friction.
+fn beginnings(data: &Dataset, usual: &Model, expected: &[f64], prior: &Prior) -> Vec<Model> {
+    let judged = |models: Vec<Model>| -> Vec<(f64, Model)> {
+        let cost = |model: Model| (lateness::nats(data, &free_run(&model, data), expected), model);
+        let mut judged: Vec<_> = models.into_par_iter().map(cost).collect();
+        judged.sort_by(|one, other| one.0.total_cmp(&other.0));
+        judged
+    };
+    let as_quick = |model: &Model, time_constant_s| at_once(&with_time_constant(model, time_constant_s), prior);
+    let mut all = judged(TIME_CONSTANTS_S.map(|time_constant_s| as_quick(usual, time_constant_s)).to_vec());
+    let time_constant_s = TimeConstants::of(&all[0].1.motor).electromechanical_s;
+    let bands = DEAD_BANDS.map(|share| as_quick(&with_friction_alone(usual, data, share, prior), time_constant_s));
+    all.extend(judged(bands.to_vec()));
+    all.sort_by(|one, other| one.0.total_cmp(&other.0));
+    all.into_iter().take(BEGUN).map(|(_, model)| model).collect()
+}
+
+/// A model whose friction takes this share of the greatest command, with the speed of the usual one at that command.
+fn with_friction_alone(usual: &Model, data: &Dataset, share: f64, prior: &Prior) -> Model {
+    let most_v = data.command.iter().fold(0.0, |most, volts| f64::max(most, volts.abs()));
+    let of_usual_v = usual.dead_band_v(Direction::Forward, most_v).min(MOST_DEAD * most_v);
+    let mut as_fast = Model::linear(usual.motor);
+    as_fast.motor.torque_constant_nm_per_a *= (1.0 - share) * most_v / (most_v - of_usual_v);
+    let Model { motor, .. } = at_once(&as_fast, prior);
+    let friction_nm = share * most_v * motor.torque_constant_nm_per_a / motor.resistance_ohm;
+    let linear = Model::linear(motor);
+    effect(FRICTION).map_or_else(|| linear.clone(), |friction| linear.with(friction, vec![friction_nm]))
+}
+
+/// The lateness and the model in turn, while that brings them closer. `None` if nothing is late beside a better model.
+fn followed(data: &Dataset, begun: (Dataset, Fit), expected: &[f64], prior: &Prior) -> Option<(Dataset, Fit)> {
+    let mut expected = expected.to_vec();
+    let mut best = begun;
+    for _ in 1..ROUNDS {
+        let (retimed, found) = &best;
+        let lacked = errors(retimed, &found.prediction);
+        expected.iter_mut().zip(lacked).for_each(|(expected, lacked)| *expected = expected.min(lacked));
+        let again = moved(data, &without_lag(&found.model, prior), &expected, prior)?;
+        if mean_square(&again.1) >= CLOSER * mean_square(found) {
+            break;
+        }
+        best = again;
+    }
+    Some(best)
+}
+
+/// What the readings cost that were moved, in natural units, and what the jumps cost that moved them.
+fn nats((retimed, found): &(Dataset, Fit)) -> f64 {
+    let jumps = retimed.origin.late_readings.map_or(0, |late| late.jumps());
+    let independent = retimed.len() as f64 * retimed.interval_s / judge::BLOCK_S;
+    0.5 * independent * mean_square(found).ln() + JUMP_NATS * jumps as f64
 }
 
 /// The data with the lateness that brings them closest to a model, and the model fitted to them; `None` if it never jumps,

@@ -20,7 +20,7 @@ pub(super) const QUICK_S: f64 = BLOCK_S;
 /// A buffer of 4096 bytes at 115,200 bits a second holds 0.36 s.
 const LATEST_S: f64 = 0.5;
 /// Price of a jump in natural units: it may be at any of some 5000 blocks, to any of some 100 times.
-const JUMP_NATS: f64 = 13.0;
+pub(super) const JUMP_NATS: f64 = 13.0;
 /// A block costs at most this: less than a jump, so that some readings that nothing explains cause none.
 const MOST_NATS: f64 = 6.0;
 /// Fastest growth that is tried, and the differences between two that are.
@@ -45,6 +45,13 @@ pub(super) fn late_s(data: &Dataset, prediction: &Prediction, errors: &[f64]) ->
         course = LateCourse { growth: path.growth, jumps: course.jumps + path.jumps.len() };
     }
     (late_s, course)
+}
+
+/// What the readings cost with the lateness that brings a prediction closest, in natural units. The growth is searched in
+/// coarse steps alone.
+pub(super) fn nats(data: &Dataset, prediction: &Prediction, errors: &[f64]) -> f64 {
+    let of = |stretch| Blocks::new(data, stretch, prediction, errors).cheapest_of_coarse().cost;
+    data.stretches.iter().map(of).sum()
 }
 
 /// The one lateness of all readings that brings a prediction closest, to a block.
@@ -153,12 +160,8 @@ impl Path {
     /// The cheapest one. Its growth is searched in coarse steps, then in fine ones.
     fn of(data: &Dataset, stretch: &Stretch, prediction: &Prediction, errors: &[f64]) -> Self {
         let blocks = Blocks::new(data, stretch, prediction, errors);
-        let search = |centre: f64, step: f64, steps: i32| {
-            let paths = (-steps..=steps).map(|count| blocks.cheapest(centre + f64::from(count) * step));
-            paths.min_by(|one, other| one.cost.total_cmp(&other.cost)).expect("one rate at least")
-        };
-        let coarse = search(0.0, COARSE_GROWTH, (FASTEST_GROWTH / COARSE_GROWTH).round() as i32);
-        search(coarse.growth, FINE_GROWTH, (0.5 * COARSE_GROWTH / FINE_GROWTH).round() as i32)
+        let Self { growth, .. } = blocks.cheapest_of_coarse();
+        blocks.cheapest_around(growth, FINE_GROWTH, (0.5 * COARSE_GROWTH / FINE_GROWTH).round() as i32)
     }
 
     /// The rows between two jumps.
@@ -211,6 +214,16 @@ impl Blocks {
     /// Number of blocks by which a reading may be late.
     fn states(&self) -> usize {
         (LATEST_S / self.block_s).max(1.0) as usize
+    }
+
+    fn cheapest_of_coarse(&self) -> Path {
+        self.cheapest_around(0.0, COARSE_GROWTH, (FASTEST_GROWTH / COARSE_GROWTH).round() as i32)
+    }
+
+    /// The cheapest path with one of the rates of growth around this one.
+    fn cheapest_around(&self, centre: f64, step: f64, steps: i32) -> Path {
+        let paths = (-steps..=steps).map(|count| self.cheapest(centre + f64::from(count) * step));
+        paths.min_by(|one, other| one.cost.total_cmp(&other.cost)).expect("one rate at least")
     }
 
     /// The cheapest path with a rate of growth. A state is a whole number of blocks by which a reading is late. What the

@@ -1,5 +1,6 @@
 //! Which effects can be trusted beside what remains.
 
+use super::data_sheet::{excessive_inductance_h, is_implausible};
 use super::judge::{self, NOT_NOISE, above_floor};
 use super::select::{NAMED_SIGMAS, Selection, Standing};
 use crate::dataset::Dataset;
@@ -22,13 +23,22 @@ const LEAST_OF_SMALL_REST: f64 = 2.0;
 
 /// Removes effects that explain too little beside the rest ([`Rest::outweighs`]): while something large is unknown,
 /// small effects cannot be trusted. Beside a rest below the threshold, an effect stays if the rest would exceed the
-/// threshold without it.
+/// threshold without it. A usual effect stays as well if the motor would be unlike the rig file's without it: that it is there
+/// is likelier than such a motor.
 pub(super) fn remove_untrusted(data: &Dataset, prior: &Prior, selection: &mut Selection) {
+    let is_unlike = |fit: &Fit| is_implausible(prior, fit) || excessive_inductance_h(prior, fit).is_some();
     while let Some(rest) = Rest::of(data, &selection.last) {
         let mut weak = (0..selection.standings.len()).filter(|index| rest.outweighs(&selection.standings[*index]));
         let without = |index: usize| {
             let mut without = selection.clone();
             remove_effect(data, prior, &mut without, index);
+            if is_usual(selection.standings[index].id) && !is_unlike(&selection.last) {
+                // A motor is seen to be unlike where its fit ends.
+                let alone = fit(&without.last.model, data, prior, Effort::FULL);
+                if is_unlike(&alone) {
+                    return None;
+                }
+            }
             (rest.is_missing || above_floor(data, &without.last) < NOT_NOISE).then_some(without)
         };
         let Some(without) = weak.find_map(without) else { return };
@@ -81,7 +91,7 @@ impl Rest {
         let own: f64 = explained.map(|((before, after), unit)| (before.powi(2) - after.powi(2)) / unit).sum();
         let least = match self.is_missing {
             true if fits_any_course(standing.id) => LEAST_OF_ANY_COURSE,
-            true if USUAL.contains(&standing.id) && standing.gain.sigmas > NAMED_SIGMAS => LEAST_OF_USUAL,
+            true if is_usual(standing.id) && standing.gain.sigmas > NAMED_SIGMAS => LEAST_OF_USUAL,
             true => LEAST_OF_REST,
             false if is_of_a_sensor(standing.id) => LEAST_OF_SMALL_REST,
             false => return false,
@@ -106,6 +116,11 @@ pub(super) fn may_be_nothing(standing: &Standing, model: &Model, intervals: &[In
         known.peek().is_some() && known.all(|holds_nothing| holds_nothing)
     };
     effect.about().strengths().into_iter().any(may_be_nothing)
+}
+
+/// Whether hardly any bench is without an effect.
+fn is_usual(id: &str) -> bool {
+    USUAL.contains(&id)
 }
 
 /// Whether an effect can fit any course over time, and so a part of an unknown effect.

@@ -1,11 +1,10 @@
 //! An inductance far above the nominal one is likelier an effect that looks like it.
 
 use super::Chooser;
+use crate::diagnose::data_sheet::excessive_inductance_h;
 use crate::identify::{Effort, Fit, fit, scales};
 use motorbench_model::catalogue::{INDUCTANCE, effect};
 
-/// An inductance this many times the nominal one may be an effect.
-const EXCESSIVE_INDUCTANCE: f64 = 1.35;
 /// Spread of the logarithm of an inductance that is held fixed.
 const HELD_SPREAD: f64 = 0.01;
 
@@ -47,11 +46,8 @@ impl Chooser<'_> {
         if other.cost < found.cost { other } else { found }
     }
 
-    /// Excess of the inductance over the nominal one, where it is large.
     pub(super) fn excessive_inductance_h(&self, fit: &Fit) -> Option<f64> {
-        let nominal_h = self.prior.nominal.inductance_h?;
-        let found_h = fit.model.motor.inductance_h;
-        (found_h > EXCESSIVE_INDUCTANCE * nominal_h).then_some(found_h - nominal_h)
+        excessive_inductance_h(self.prior, fit)
     }
 
     pub(super) fn with_nominal_inductance(&self, found: &Fit) -> Fit {
