@@ -26,24 +26,24 @@ const LEAST_OF_SMALL_REST: f64 = 2.0;
 /// threshold without it. A usual effect stays as well if the motor would be unlike the rig file's without it: that it is there
 /// is likelier than such a motor.
 pub(super) fn remove_untrusted(data: &Dataset, prior: &Prior, selection: &mut Selection) {
-    let is_unlike = |fit: &Fit| is_implausible(prior, fit) || excessive_inductance_h(prior, fit).is_some();
     while let Some(rest) = Rest::of(data, &selection.last) {
         let mut weak = (0..selection.standings.len()).filter(|index| rest.outweighs(&selection.standings[*index]));
         let without = |index: usize| {
             let mut without = selection.clone();
             remove_effect(data, prior, &mut without, index);
-            if is_usual(selection.standings[index].id) && !is_unlike(&selection.last) {
-                // A motor is seen to be unlike where its fit ends.
-                let alone = fit(&without.last.model, data, prior, Effort::FULL);
-                if is_unlike(&alone) {
-                    return None;
-                }
-            }
-            (rest.is_missing || above_floor(data, &without.last) < NOT_NOISE).then_some(without)
+            let needs_it = is_usual(selection.standings[index].id) && keeps_the_motor(data, prior, selection, &without);
+            let is_allowed = rest.is_missing || above_floor(data, &without.last) < NOT_NOISE;
+            (is_allowed && !needs_it).then_some(without)
         };
         let Some(without) = weak.find_map(without) else { return };
         *selection = without;
     }
+}
+
+/// Whether the motor is like the rig file's with an effect, and unlike it without. That is seen where the fit ends.
+fn keeps_the_motor(data: &Dataset, prior: &Prior, with: &Selection, without: &Selection) -> bool {
+    let is_unlike = |fit: &Fit| is_implausible(prior, fit) || excessive_inductance_h(prior, fit).is_some();
+    !is_unlike(&with.last) && is_unlike(&fit(&without.last.model, data, prior, Effort::FULL))
 }
 
 /// Removes an effect and refits the others.
