@@ -51,7 +51,7 @@ pub fn gain(data: &Dataset, before: &Prediction, after: &Prediction) -> Gain {
         let square = measured.least_error(measured.noise).powi(2).max(usual[0].min(usual[1]));
         let mut left = [0.0; 2];
         for block in blocks {
-            let weight = (FAR_OFF * FAR_OFF * square * block.count / block.before.min(block.after)).min(1.0);
+            let weight = (block.most(square) / block.before.min(block.after)).min(1.0);
             total += weight * (block.before - block.after) / square;
             chances[block.index] += weight * block.chance / square;
             left[0] += weight * block.before;
@@ -78,6 +78,13 @@ struct Block {
     /// What chance adds to their difference, if the model `after` is right.
     chance: f64,
     count: f64,
+}
+
+impl Block {
+    /// The greatest sum of squares that counts, where this is the usual mean square.
+    fn most(&self, usual_square: f64) -> f64 {
+        FAR_OFF * FAR_OFF * usual_square * self.count
+    }
 }
 
 fn block_rows(data: &Dataset) -> usize {
@@ -111,8 +118,7 @@ fn usual_square(blocks: &[Block], sum_of: impl Fn(&Block) -> f64) -> f64 {
     let count = blocks.iter().map(|block| block.count).sum::<f64>().max(1.0);
     let mut square = blocks.iter().map(&sum_of).sum::<f64>() / count;
     for _ in 0..USUAL_ROUNDS {
-        let most = |block: &Block| FAR_OFF * FAR_OFF * square * block.count;
-        square = blocks.iter().map(|block| sum_of(block).min(most(block))).sum::<f64>() / count;
+        square = blocks.iter().map(|block| sum_of(block).min(block.most(square))).sum::<f64>() / count;
     }
     square
 }
@@ -194,7 +200,7 @@ const RESAMPLES: usize = 200;
 
 /// 95 % interval of the root mean square error, by drawing blocks of the held-out data with replacement.
 pub fn rmse_interval(data: &Dataset, prediction: &Prediction, output: usize) -> [f64; 2] {
-    let block = (BLOCK_S / data.interval_s).max(1.0) as usize;
+    let block = block_rows(data);
     let mut blocks: Vec<(f64, f64)> = Vec::new();
     for start in (0..data.len()).step_by(block) {
         let range = (start..(start + block).min(data.len())).filter(|index| data.held_out[*index]);

@@ -31,9 +31,9 @@ pub(super) fn remove_untrusted(data: &Dataset, prior: &Prior, selection: &mut Se
         let without = |index: usize| {
             let mut without = selection.clone();
             remove_effect(data, prior, &mut without, index);
-            let needs_it = is_usual(selection.standings[index].id) && keeps_the_motor(data, prior, selection, &without);
+            let is_usual = USUAL.contains(&selection.standings[index].id);
             let is_allowed = rest.is_missing || above_floor(data, &without.last) < NOT_NOISE;
-            (is_allowed && !needs_it).then_some(without)
+            (is_allowed && !(is_usual && keeps_the_motor(data, prior, selection, &without))).then_some(without)
         };
         let Some(without) = weak.find_map(without) else { return };
         *selection = without;
@@ -91,7 +91,7 @@ impl Rest {
         let own: f64 = explained.map(|((before, after), unit)| (before.powi(2) - after.powi(2)) / unit).sum();
         let least = match self.is_missing {
             true if fits_any_course(standing.id) => LEAST_OF_ANY_COURSE,
-            true if is_usual(standing.id) && standing.gain.sigmas > NAMED_SIGMAS => LEAST_OF_USUAL,
+            true if USUAL.contains(&standing.id) && standing.gain.sigmas > NAMED_SIGMAS => LEAST_OF_USUAL,
             true => LEAST_OF_REST,
             false if is_of_a_sensor(standing.id) => LEAST_OF_SMALL_REST,
             false => return false,
@@ -116,11 +116,6 @@ pub(super) fn may_be_nothing(standing: &Standing, model: &Model, intervals: &[In
         known.peek().is_some() && known.all(|holds_nothing| holds_nothing)
     };
     effect.about().strengths().into_iter().any(may_be_nothing)
-}
-
-/// Whether hardly any bench is without an effect.
-fn is_usual(id: &str) -> bool {
-    USUAL.contains(&id)
 }
 
 /// Whether an effect can fit any course over time, and so a part of an unknown effect.
