@@ -164,9 +164,10 @@ fn located(model: &Model, replay: &Replay, term: usize, index: usize, spacing: f
             let here = cost(value);
             if here < least {
                 (best, least) = (value, here);
+                break;
             }
         }
-        distance *= 0.6;
+        distance *= 0.5;
     }
     let mut found = model.clone();
     found.terms[term].values[index] = best;
@@ -232,6 +233,18 @@ impl Fit {
             matches!(unknown.place, Place::Term(of, _) if of == term) && (value <= unknown.min || value >= unknown.max)
         };
         self.unknowns.iter().any(at_a_bound)
+    }
+
+    /// Whether a fitted constant of a term is within its standard error of the end of its range. There the range decides on
+    /// the constant, and evidence by the curvature of the cost (Laplace's approximation) does not hold.
+    pub fn reaches_a_bound(&self, data: &Dataset, term: usize) -> bool {
+        let (_, inverse) = self.sensitivities(data);
+        self.unknowns.iter().enumerate().any(|(index, unknown)| {
+            let value = unknown.get(&self.model) * unknown.size;
+            let error = inverse[(index, index)].max(0.0).sqrt() * unknown.size;
+            matches!(unknown.place, Place::Term(of, _) if of == term)
+                && (value - error <= unknown.min || value + error >= unknown.max)
+        })
     }
 
     /// How many constants it has moved.

@@ -8,6 +8,7 @@ use super::judge;
 use crate::dataset::{Dataset, LateCourse, Measured, Stretch};
 use crate::free_run::Prediction;
 use crate::identify::Prior;
+use maybe_rayon::prelude::*;
 use motorbench_model::Model;
 use motorbench_model::linear::motor_model::TimeConstants;
 use motorbench_model::motor::MotorParameters;
@@ -59,12 +60,15 @@ pub(super) fn constant_s(data: &Dataset, prediction: &Prediction, errors: &[f64]
     let of = |stretch| Blocks::new(data, stretch, prediction, errors);
     let blocks: Vec<Blocks> = data.stretches.iter().map(of).collect();
     let Some(first) = blocks.first() else { return 0.0 };
-    let nats = |late: usize| -> f64 {
-        blocks.iter().map(|blocks| (0..blocks.count).map(|block| blocks.nats(block, late, 0.0)).sum::<f64>()).sum()
-    };
-    let all = (0..first.states()).map(|late| (late, nats(late)));
-    let best = all.min_by(|one, other| one.1.total_cmp(&other.1)).map_or(0, |(late, _)| late);
-    best as f64 * first.block_s
+    let (mut all, mut own) = (vec![0.0; states(first.block_s)], Vec::new());
+    for blocks in &blocks {
+        own.resize(states(blocks.block_s), 0.0);
+        for block in 0..blocks.count {
+            blocks.nats(block, 0.0, &mut own);
+            all.iter_mut().zip(&own).for_each(|(all, own)| *all += own);
+        }
+    }
+    least(&all) as f64 * first.block_s
 }
 
 /// Root mean square of what a model lacks in each quantity, at least its noise.
@@ -190,30 +194,31 @@ struct Blocks {
 /// Of each block. Readings and predictions are in multiples of the error that is expected of them.
 struct Quantity {
     read: Vec<f64>,
-    expected: Vec<f64>,
+    /// From the last block back to the first one, which is repeated for as long as a reading may be late.
+    expected_back: Vec<f64>,
 }
 
 impl Blocks {
     fn new(data: &Dataset, stretch: &Stretch, prediction: &Prediction, errors: &[f64]) -> Self {
         let rows_of_block = (BLOCK_S / stretch.interval_s).round().max(1.0) as usize;
+        let block_s = rows_of_block as f64 * stretch.interval_s;
         let rows = stretch.rows.clone();
-        let in_blocks = |values: &[f64]| -> Vec<f64> { values[rows.clone()].chunks(rows_of_block).map(mean).collect() };
+        let in_blocks = |values: &[f64], error: f64| -> Vec<f64> {
+            values[rows.clone()].chunks(rows_of_block).map(|rows| mean(rows) / error).collect()
+        };
         let quantity = |((measured, predicted), error): ((&Measured, &Vec<f64>), &f64)| {
-            let [mut read, mut expected] = [&measured.values, predicted].map(|values| in_blocks(values));
-            read.iter_mut().chain(&mut expected).for_each(|value| *value /= *error);
-            Quantity { read, expected }
+            let mut expected_back = in_blocks(predicted, *error);
+            expected_back.reverse();
+            let first = expected_back.last().copied().unwrap_or(f64::NAN);
+            expected_back.resize(expected_back.len() + states(block_s), first);
+            Quantity { read: in_blocks(&measured.values, *error), expected_back }
         };
         Self {
             rows_of_block,
-            block_s: rows_of_block as f64 * stretch.interval_s,
+            block_s,
             count: rows.len().div_ceil(rows_of_block),
             quantities: data.measured.iter().zip(prediction).zip(errors).map(quantity).collect(),
         }
-    }
-
-    /// Number of blocks by which a reading may be late.
-    fn states(&self) -> usize {
-        (LATEST_S / self.block_s).max(1.0) as usize
     }
 
     fn cheapest_of_coarse(&self) -> Path {
@@ -222,59 +227,75 @@ impl Blocks {
 
     /// The cheapest path with one of the rates of growth around this one.
     fn cheapest_around(&self, centre: f64, step: f64, steps: i32) -> Path {
-        let paths = (-steps..=steps).map(|count| self.cheapest(centre + f64::from(count) * step));
-        paths.min_by(|one, other| one.cost.total_cmp(&other.cost)).expect("one rate at least")
+        let rates = (-steps..=steps).into_par_iter().map(|count| self.cheapest(centre + f64::from(count) * step));
+        let paths: Vec<Path> = rates.collect();
+        paths.into_iter().min_by(|one, other| one.cost.total_cmp(&other.cost)).expect("one rate at least")
     }
 
     /// The cheapest path with a rate of growth. A state is a whole number of blocks by which a reading is late. What the
     /// growth adds to the last whole block comes to it.
     fn cheapest(&self, growth: f64) -> Path {
-        let states = self.states();
+        let states = states(self.block_s);
         let grown = |block: usize| growth * block as f64;
-        let (mut costs, mut came_from) = (vec![0.0; states], Vec::with_capacity(self.count));
-        for block in 0..self.count {
-            let moved = grown(block).floor() - grown(block.saturating_sub(1)).floor();
-            let cheapest = (0..states).min_by(|a, b| f64::total_cmp(&costs[*a], &costs[*b])).unwrap_or(0);
-            let by_jump = costs[cheapest] + JUMP_NATS;
-            let part = grown(block) - grown(block).floor();
-            let steps = (0..states).map(|state| {
-                let before = state as f64 - moved;
-                let stays = (0.0..states as f64).contains(&before).then_some(before as usize);
-                let (before, cost) = match stays {
-                    Some(before) if costs[before] <= by_jump => (Some(before), costs[before]),
-                    _ => (None, by_jump),
-                };
-                (before, cost + self.nats(block, state, part))
-            });
-            let (before, reached): (Vec<Option<usize>>, Vec<f64>) = steps.unzip();
-            came_from.push((before, cheapest));
-            costs = reached;
+        let moved = |block: usize| grown(block).floor() as i64 - grown(block.saturating_sub(1)).floor() as i64;
+        // No state is beyond the first and the last one.
+        let (mut costs, mut reached) = (vec![f64::INFINITY; states + 2], vec![0.0; states]);
+        costs[1..=states].fill(0.0);
+        let (mut jumped, mut jumps_from) = (vec![false; self.count * states], Vec::with_capacity(self.count));
+        for (block, jumped) in jumped.chunks_mut(states).enumerate() {
+            let cheapest = least(&costs[1..=states]);
+            jumps_from.push(cheapest);
+            let by_jump = costs[1 + cheapest] + JUMP_NATS;
+            self.nats(block, grown(block) - grown(block).floor(), &mut reached);
+            let stays = &costs[(1 - moved(block)) as usize..];
+            for ((reached, jumped), stays) in reached.iter_mut().zip(jumped).zip(stays) {
+                *jumped = *stays > by_jump;
+                *reached += stays.min(by_jump);
+            }
+            costs[1..=states].copy_from_slice(&reached);
         }
-        let last = (0..states).min_by(|a, b| f64::total_cmp(&costs[*a], &costs[*b])).unwrap_or(0);
+        let costs = &costs[1..=states];
+        let last = least(costs);
         let (mut state, mut jumps, mut late_s) = (last, Vec::new(), vec![0.0; self.count]);
-        for (block, (before, cheapest)) in came_from.iter().enumerate().rev() {
+        for (block, jumped) in jumped.chunks(states).enumerate().rev() {
             late_s[block] = (state as f64 + grown(block) - grown(block).floor()) * self.block_s;
-            if block > 0 && before[state].is_none() {
+            if block > 0 && jumped[state] {
                 jumps.push(block);
             }
-            state = before[state].unwrap_or(*cheapest);
+            state = if jumped[state] { jumps_from[block] } else { (state as i64 - moved(block)) as usize };
         }
         jumps.reverse();
         Path { rows_of_block: self.rows_of_block, growth, late_s, jumps, cost: costs[last] }
     }
 
-    /// What a block costs whose readings are late by a number of blocks and a part of one. A few readings that nothing
+    /// What a block costs whose readings are late by each number of blocks and a part of one. A few readings that nothing
     /// explains cost no more than a jump. What a model lacks continues over [`judge::BLOCK_S`], so that these blocks are
     /// not independent.
-    fn nats(&self, block: usize, late: usize, part: f64) -> f64 {
-        let of = |quantity: &Quantity| {
-            let at = |late: usize| quantity.expected[block.saturating_sub(late)];
-            let left = quantity.read[block] - (at(late) * (1.0 - part) + at(late + 1) * part);
-            let nats = 0.5 * left * left * (self.block_s / judge::BLOCK_S).min(1.0);
-            if nats.is_finite() { nats / (1.0 + nats / MOST_NATS) } else { 0.0 }
-        };
-        self.quantities.iter().map(of).sum()
+    fn nats(&self, block: usize, part: f64, nats: &mut [f64]) {
+        nats.fill(0.0);
+        let independent = (self.block_s / judge::BLOCK_S).min(1.0);
+        for Quantity { read, expected_back } in &self.quantities {
+            let (read, expected) = (read[block], &expected_back[self.count - 1 - block..]);
+            for ((nats, expected), before) in nats.iter_mut().zip(expected).zip(&expected[1..]) {
+                let left = read - (expected * (1.0 - part) + before * part);
+                let own = 0.5 * left * left * independent;
+                *nats += if own.is_finite() { own / (1.0 + own / MOST_NATS) } else { 0.0 };
+            }
+        }
     }
+}
+
+/// Number of blocks by which a reading may be late.
+fn states(block_s: f64) -> usize {
+    (LATEST_S / block_s).max(1.0) as usize
+}
+
+/// Where the least value is.
+fn least(values: &[f64]) -> usize {
+    let smaller = |(least, at): (f64, usize), (index, value): (usize, &f64)| {
+        if *value < least { (*value, index) } else { (least, at) }
+    };
+    values.iter().enumerate().fold((f64::INFINITY, 0), smaller).1
 }
 
 /// Mean of the values that are not missing; NaN without any.

@@ -92,7 +92,7 @@ fn with_laws(found: &Fit, data: &Dataset, prior: &Prior, laws: impl Fn(&Term, &S
         let start = fit(&found.model.with_values(index, values), data, prior, Effort::NONE);
         let near = (start.cost < NEAR * found.cost).then(|| fit(&start.model, data, prior, Effort::AGAIN))?;
         let Term { effect, values } = &near.model.terms[index];
-        let makes_sense = !near.is_at_a_bound(index) && !effect.is_a_scale(values, &scales);
+        let makes_sense = !near.reaches_a_bound(data, index) && !effect.is_a_scale(values, &scales);
         makes_sense.then_some(near)
     });
     fitted.collect()

@@ -352,7 +352,14 @@ impl<'a> Knife<'a> {
         if data.has_moments() {
             return (self.range.start..=last).rev().find(|row| data.acts_from_s(*row) <= at_s);
         }
-        let passed = data.time_s[self.range.start..=last].partition_point(|time_s| *time_s <= at_s);
+        let rows_s = &data.time_s[self.range.start..=last];
+        // It is mostly one of the last rows.
+        let mut back = 1;
+        while back < rows_s.len() && rows_s[rows_s.len() - back] > at_s {
+            back *= 2;
+        }
+        let skipped = rows_s.len().saturating_sub(back);
+        let passed = skipped + rows_s[skipped..].partition_point(|time_s| *time_s <= at_s);
         passed.checked_sub(1).map(|passed| self.range.start + passed)
     }
 

@@ -1,6 +1,6 @@
 //! Levenberg and Marquardt's method from one start. The sensitivities are simulated at the start and after a long step.
-//! After a short one they are corrected by the change (Broyden, Mathematics of Computation 19 (1965)). Unless the fit is
-//! only a look, it ends on simulated ones.
+//! After a short one they are corrected by the change (Broyden, Mathematics of Computation 19 (1965)), and so they are after
+//! a step that turned out too long. Unless the fit is only a look, it ends on simulated ones.
 
 use super::sensitivities::Sensitivities;
 use super::unknown_scale::UnknownScale;
@@ -11,10 +11,8 @@ use motorbench_model::Model;
 use nalgebra::DVector;
 use std::sync::OnceLock;
 
-/// A step is tried with this many dampings...
+/// A step is tried with this many dampings.
 const TRIES: usize = 6;
-/// ... and with this many if the sensitivities were only corrected.
-const TRIES_CORRECTED: usize = 2;
 /// A step that gains more than this share of the cost needs new sensitivities.
 const FAR: f64 = 0.8;
 
@@ -101,7 +99,7 @@ impl<'a> Search<'a> {
         let mut gained_before = f64::INFINITY;
         let mut steps_left = effort.steps;
         loop {
-            let left = self.step(&known);
+            let left = self.step(&mut known);
             self.settle();
             let Some(before) = left else {
                 if known.is_simulated {
@@ -130,8 +128,7 @@ impl<'a> Search<'a> {
                 return None;
             }
             if gained < FAR * before.cost {
-                let besides = self.scale.map(|scale| scale.direction(&before.model, &self.unknowns));
-                known.correct(&self.moved(&before), &self.changed(&before), besides.as_ref());
+                self.correct(&mut known, &before, &self.at);
             } else {
                 known = simulated(self);
             }
@@ -140,34 +137,37 @@ impl<'a> Search<'a> {
 
     /// Moves to the most plausible scale, where the data do not contain it.
     fn settle(&mut self) {
-        if let Some(scale) = self.scale {
-            self.take_if_better(scale.most_plausible(&self.at.model, &self.unknowns));
+        let Some(scale) = self.scale else { return };
+        let (model, keeps_readings) = scale.most_plausible(&self.at.model, &self.unknowns);
+        if !keeps_readings {
+            let there = Point::new(model, self.replay, &self.unknowns);
+            if there.cost < self.at.cost {
+                self.at = there;
+            }
+            return;
+        }
+        let cost = square(&self.at.residual) + prior_cost(&model, &self.unknowns);
+        if cost < self.at.cost {
+            (self.at.model, self.at.cost) = (model, cost);
         }
     }
 
-    /// Moves to a model if it costs less than the present one; returns the previous point.
-    fn take_if_better(&mut self, model: Model) -> Option<Point> {
-        let there = Point::new(model, self.replay, &self.unknowns);
-        (there.cost < self.at.cost).then(|| std::mem::replace(&mut self.at, there))
-    }
-
-    /// One step; returns the previous point, `None` if no step is better.
-    fn step(&mut self, known: &Known) -> Option<Point> {
-        let normal = &known.sensitivities.normal;
-        let gradient = known.sensitivities.gradient(&self.at.model, &self.at.residual, &self.unknowns);
+    /// One step; returns the previous point, `None` if no step is better. Corrected sensitivities learn from each step that
+    /// is not.
+    fn step(&mut self, known: &mut Known) -> Option<Point> {
         let before = self.damping;
-        for _ in 0..if known.is_simulated { TRIES } else { TRIES_CORRECTED } {
-            let mut damped = normal.clone();
-            for index in 0..damped.nrows() {
-                damped[(index, index)] += self.damping * normal[(index, index)].max(1e-9);
-            }
-            let Some(step) = damped.cholesky().map(|cholesky| cholesky.solve(&gradient)) else {
+        for _ in 0..TRIES {
+            let Some(step) = self.damped_step(&known.sensitivities) else {
                 self.damping = (self.damping * 10.0).max(1e-6);
                 continue;
             };
-            if let Some(left) = self.try_step(&step) {
+            let there = Point::new(self.stepped(&step), self.replay, &self.unknowns);
+            if there.cost < self.at.cost {
                 self.damping = (self.damping * 0.2).max(1e-9);
-                return Some(left);
+                return Some(std::mem::replace(&mut self.at, there));
+            }
+            if !known.is_simulated && there.cost.is_finite() {
+                self.correct(known, &self.at, &there);
             }
             self.damping = (self.damping * 8.0).max(1e-4);
         }
@@ -177,30 +177,34 @@ impl<'a> Search<'a> {
         None
     }
 
-    fn try_step(&mut self, step: &DVector<f64>) -> Option<Point> {
+    /// The step with the present damping.
+    fn damped_step(&self, sensitivities: &Sensitivities) -> Option<DVector<f64>> {
+        let normal = &sensitivities.normal;
+        let gradient = sensitivities.gradient(&self.at.model, &self.at.residual, &self.unknowns);
+        let mut damped = normal.clone();
+        for index in 0..damped.nrows() {
+            damped[(index, index)] += self.damping * normal[(index, index)].max(1e-9);
+        }
+        damped.cholesky().map(|cholesky| cholesky.solve(&gradient))
+    }
+
+    fn stepped(&self, step: &DVector<f64>) -> Model {
         let mut model = self.at.model.clone();
         for (unknown, step) in self.unknowns.iter().zip(step.iter()) {
             let limit = if unknown.logarithmic { 1.0 } else { 5.0 };
             unknown.set(&mut model, unknown.get(&self.at.model) - step.clamp(-limit, limit));
         }
-        self.take_if_better(model)
+        model
     }
 
-    /// By how much each coordinate has moved.
-    fn moved(&self, before: &Point) -> DVector<f64> {
-        let moved = self.unknowns.iter().map(|unknown| unknown.get(&self.at.model) - unknown.get(&before.model));
-        DVector::from_iterator(self.unknowns.len(), moved)
-    }
-
-    fn changed(&self, before: &Point) -> Vec<f64> {
-        self.at.residual.iter().zip(&before.residual).map(|(after, before)| after - before).collect()
-    }
-}
-
-impl Known {
-    fn correct(&mut self, moved: &DVector<f64>, changed: &[f64], besides: Option<&DVector<f64>>) {
-        self.sensitivities.correct(moved, changed, besides);
-        self.is_simulated = false;
+    /// Corrects sensitivities by the change from one point to another.
+    fn correct(&self, known: &mut Known, from: &Point, to: &Point) {
+        let moved = self.unknowns.iter().map(|unknown| unknown.get(&to.model) - unknown.get(&from.model));
+        let moved = DVector::from_iterator(self.unknowns.len(), moved);
+        let changed: Vec<f64> = to.residual.iter().zip(&from.residual).map(|(to, from)| to - from).collect();
+        let besides = self.scale.map(|scale| scale.direction(&from.model, &self.unknowns));
+        known.sensitivities.correct(&moved, &changed, besides.as_ref());
+        known.is_simulated = false;
     }
 }
 

@@ -23,6 +23,8 @@ const SECTION: f64 = 0.618_033_988_749_895;
 /// Logarithm of the greatest factor looked at, and how closely the best one is found.
 const WIDEST: f64 = 4.0;
 const CLOSENESS: f64 = 1e-4;
+/// Coordinates that differ by less, or by this share, are the same.
+const ROUNDING: f64 = 1e-9;
 /// Step for the derivatives of the coordinates.
 const DIFFERENCE: f64 = 1e-6;
 
@@ -118,8 +120,9 @@ impl UnknownScale {
         }
     }
 
-    /// The same motion at the scale that was most plausible before.
-    pub fn most_plausible(self, model: &Model, unknowns: &[Unknown]) -> Model {
+    /// The model at the scale that was most plausible before, and whether it reads the same: not where a constant comes to
+    /// its bound.
+    pub fn most_plausible(self, model: &Model, unknowns: &[Unknown]) -> (Model, bool) {
         let cost = |logarithm: f64| prior_cost(&self.scaled(model, unknowns, logarithm), unknowns);
         let (mut low, mut high) = (-WIDEST, WIDEST);
         while high - low > CLOSENESS {
@@ -130,7 +133,14 @@ impl UnknownScale {
                 low = inner[0];
             }
         }
-        self.scaled(model, unknowns, 0.5 * (low + high))
+        let logarithm = 0.5 * (low + high);
+        let scaled = self.scaled(model, unknowns, logarithm);
+        let is_in_bounds = |unknown: &Unknown| {
+            let wanted = self.coordinate(model, unknown, logarithm);
+            (unknown.get(&scaled) - wanted).abs() <= ROUNDING * wanted.abs().max(1.0)
+        };
+        let keeps_readings = unknowns.iter().all(is_in_bounds);
+        (scaled, keeps_readings)
     }
 
     fn scaled(self, model: &Model, unknowns: &[Unknown], logarithm: f64) -> Model {
@@ -223,7 +233,8 @@ mod tests {
         let model = Model::linear(prior.motor);
         let unknowns = unknowns(&model, &data, &prior);
         let scale = UnknownScale::of(&model, &data).expect("no current is measured");
-        let found = scale.most_plausible(&scale.scaled(&model, &unknowns, 0.3), &unknowns);
+        let (found, keeps_readings) = scale.most_plausible(&scale.scaled(&model, &unknowns, 0.3), &unknowns);
+        assert!(keeps_readings, "{found:?}");
         for (found, nominal) in motor_values(&found.motor).into_iter().zip(motor_values(&prior.motor)) {
             assert!((found / nominal - 1.0).abs() < 1e-3, "{found} {nominal}");
         }
