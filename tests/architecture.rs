@@ -142,3 +142,43 @@ fn only_the_program_knows_the_command_line_and_the_terminal() {
         }
     }
 }
+
+/// The numbers that the diagnosis goes by have one place.
+const CONFIGURATION: &str = "diagnosis/src/configuration";
+/// Constants that are no choice: places in a table, and a unit.
+const NO_CHOICE: [&str; 9] =
+    ["AHEAD", "OWN", "LAST_CHANGE", "LEVELS", "COEFFICIENTS", "TORQUE_CONSTANT", "INERTIA", "VISCOUS_FRICTION", "MS"];
+
+/// The name of the constant that a line defines, if it is a number, or several.
+fn number(line: &str) -> Option<&str> {
+    let line = line.trim_start();
+    let visibility = ["pub ", "pub(crate) ", "pub(super) "].into_iter().find(|words| line.starts_with(words));
+    let (name, of) = line[visibility.map_or(0, str::len)..].strip_prefix("const ")?.split_once(": ")?;
+    let (kind, _) = of.split_once(" = ")?;
+    ["f64", "usize", "u8", "u32", "u64", "i32", "i64"].iter().any(|number| kind.contains(number)).then_some(name)
+}
+
+#[test]
+fn the_numbers_of_the_diagnosis_are_in_its_configuration_with_a_reason() {
+    let mut found = Vec::new();
+    sources(&Path::new(env!("CARGO_MANIFEST_DIR")).join("crates/diagnosis/src"), &mut found);
+    let (configuration, others): (Vec<_>, Vec<_>) =
+        found.iter().partition(|(path, _)| path.replace('\\', "/").contains(CONFIGURATION));
+    let mut count = 0;
+    for (path, code) in configuration {
+        let lines: Vec<&str> = code.lines().map(str::trim_start).collect();
+        for pair in lines.windows(2) {
+            if let Some(name) = number(pair[1]) {
+                count += 1;
+                // Several in a row share a reason.
+                assert!(pair[0].starts_with("///") || pair[0].starts_with("pub const"), "{path}: {name} has no reason");
+            }
+        }
+    }
+    assert!(count > 100, "{count} numbers in {CONFIGURATION}");
+    for (path, code) in others {
+        for name in code.lines().filter_map(number) {
+            assert!(NO_CHOICE.contains(&name), "{path}: {name} belongs into {CONFIGURATION}");
+        }
+    }
+}

@@ -1,15 +1,10 @@
 //! Two recordings of one course, brought to common times: how late the second is, and how far they are apart.
 
+use crate::configuration::compare::{FEWEST, JUDGED, LARGEST_DELAY, ROUNDING, SHIFTS};
 use crate::dataset::median;
 use motorbench_data::recording::{Channel, Recording};
 use serde::Serialize;
 
-/// By so much the second may be early or late, as a share of the first.
-const LARGEST_DELAY: f64 = 0.25;
-/// Shifts that are tried on either side at most, before the best is refined.
-const SHIFTS: usize = 400;
-/// Samples that a shift is judged by at most.
-const JUDGED: usize = 2000;
 /// Channels that tell the delay, best first: what a loop was asked for is the same in both, whatever they made of it.
 const TELLING: [Channel; 9] = [
     Channel::SpeedReference,
@@ -93,9 +88,6 @@ pub enum CompareError {
     NoOverlap(String, String),
 }
 
-/// Fewer common samples say nothing.
-const FEWEST: usize = 10;
-
 /// Brings both to the times of the first. `delay_s`: how much later the second is, found where it is not given.
 ///
 /// # Errors
@@ -159,9 +151,6 @@ fn from_start(values: &mut [f64]) {
     let start = values.iter().copied().find(|value| value.is_finite()).unwrap_or_default();
     values.iter_mut().for_each(|value| *value -= start);
 }
-
-/// A channel whose spread is less than this share of its values is constant: files have nine digits.
-const ROUNDING: f64 = 1e-8;
 
 /// Root mean square of the difference, and fit in percent, where neither is missing.
 pub fn distance(first: &[f64], second: &[f64]) -> (f64, Option<f64>) {

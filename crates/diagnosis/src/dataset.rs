@@ -1,5 +1,10 @@
 //! Recordings prepared for identification: the command, the measured quantities, and the held-out part.
 
+use crate::configuration::dataset::{
+    AT_REST, DIFFERENCE_SPAN_S, GREATEST_DUTY, LEFT_AFTER_A_ROW, LONGEST_INTERVAL_S, LONGEST_OF_ALL_S,
+    ONE_MAGNITUDE_ROWS, SAME_MAGNITUDE, SETTLED, SHORTEST_S, SHORTEST_STRETCH, STEP,
+};
+pub use crate::configuration::dataset::{LONG_ROW, PWM_HZ};
 use motorbench_data::recording::Recording;
 use motorbench_data::rig::Rig;
 use motorbench_model::{Axis, Drive};
@@ -40,36 +45,6 @@ pub use late_readings::{LateCourse, LateReadings};
 pub use measured::{Measured, Output, TOLERANCE};
 pub use origin::{Averaged, LimitedDuty, Origin, Pulse};
 pub use speed_window::Window;
-
-/// Shorter stretches are not used.
-const SHORTEST_STRETCH: usize = 20;
-/// A shorter recording shows few causes, and hardly separates them.
-const SHORTEST_S: f64 = 2.0;
-/// Rows farther apart show the motor's dynamics only if they show its steps in part...
-const LONGEST_INTERVAL_S: f64 = 0.1;
-/// ... and times of rows still farther apart are hardly in seconds.
-const LONGEST_OF_ALL_S: f64 = 0.25;
-/// A step has this share of its change left after one row, if a row is four time constants. Less is hidden by noise.
-const LEFT_AFTER_A_ROW: f64 = 0.02;
-/// A change of the command by this share of the greatest is a step...
-const STEP: f64 = 0.25;
-/// ... if it is followed by so many rows of the same command, after which the speed has settled.
-const SETTLED: usize = 4;
-/// A row longer than this many usual ones spans missing rows.
-pub const LONG_ROW: f64 = 1.5;
-/// Time over which an angle is differentiated: short against the motor, long against the encoder's step.
-const DIFFERENCE_SPAN_S: f64 = 0.005;
-/// A row whose command is this share of the greatest one has its magnitude...
-const SAME_MAGNITUDE: f64 = 0.97;
-/// ... and if only one magnitude was played, at least this share of the rows have it, of those in which the motor is
-/// driven or turns...
-const ONE_MAGNITUDE_ROWS: f64 = 0.98;
-/// ... by more than this share of the greatest.
-const AT_REST: f64 = 0.05;
-/// PWM frequency of the firmware, where the rig file gives none.
-pub const PWM_HZ: f64 = motorbench_core::HARDWARE.pwm_hz as f64;
-/// A share of the supply is at most one, apart from rounding.
-const GREATEST_DUTY: f64 = 1.05;
 
 /// Rows without a gap; the simulation restarts with each stretch.
 #[derive(Clone, Debug, PartialEq)]

@@ -10,15 +10,13 @@ mod axis;
 mod forces;
 mod readings;
 
+use crate::configuration::evidence::LEAST_KNOWN;
 use crate::dataset::Dataset;
 use crate::diagnose::Diagnosis;
 use crate::diagnose::outcome::Cause;
 use crate::free_run::{Motion, Steps, drive, read};
 use motorbench_model::catalogue::{Coordinate, Strength};
 use motorbench_model::{Model, Term};
-
-/// A bin that is known no better than this share of the greatest value of the law shows nothing.
-const LEAST_KNOWN: f64 = 0.5;
 
 /// What proves a cause.
 #[derive(Clone, Debug)]

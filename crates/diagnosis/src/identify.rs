@@ -7,6 +7,7 @@
 //! on finite differences. Intervals come from the covariance that holds for residuals correlated within a block
 //! (sandwich; White, Econometrica 50 (1982)).
 
+use crate::configuration::identify::LOCATED_ROWS;
 use crate::dataset::{Dataset, greatest};
 use crate::free_run::{Prediction, Replay, Steps};
 pub use fits::Fits;
@@ -34,9 +35,6 @@ mod speed_window;
 mod uncertainty;
 mod unknown_scale;
 mod unknowns;
-
-/// The time of an event is located to this part of a row: the fit moves it further.
-const LOCATED_ROWS: f64 = 0.25;
 
 /// Sizes for the starting values of effects.
 pub fn scales(motor: &MotorParameters, data: &Dataset) -> Scales {

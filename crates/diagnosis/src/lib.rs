@@ -34,6 +34,7 @@
 //! them), [`diagnose::outcome::Outcome`] (what is told).
 
 pub mod compare;
+mod configuration;
 pub mod dataset;
 pub mod diagnose;
 pub mod evidence;

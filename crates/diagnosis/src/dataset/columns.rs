@@ -1,11 +1,9 @@
 //! Statistics and conversions of a column of numbers, some of which may be missing.
 
 use super::Window;
+pub use crate::configuration::dataset::columns::NORMAL_MEDIAN;
 pub use motorbench_data::statistics::{greatest, median};
 use std::ops::Range;
-
-/// Median of the magnitude of a standard normal.
-pub const NORMAL_MEDIAN: f64 = 0.6745;
 
 /// Range of the values that are not missing.
 pub(super) fn width(values: &[f64]) -> f64 {

@@ -3,28 +3,13 @@
 
 use super::columns::{greatest, held, median};
 use super::{GREATEST_DUTY, LONG_ROW, end_of_range, turns};
+use crate::configuration::dataset::contradictions::{
+    AGREE, AS_IT_STANDS, BLOCK_S, FEWEST_BLOCKS, FEWEST_COUNTS, FEWEST_ROWS, LOST, OFF, SUBSTANTIAL_DUTY,
+};
 use motorbench_data::recording::{Channel, Recording};
 use motorbench_data::rig::Rig;
 use motorbench_text::terminal_text::short;
 use std::f64::consts::TAU;
-
-/// A larger deviation is no rounding, ripple or tolerance of a sensor.
-const OFF: f64 = 0.05;
-/// If fewer counts than expected come, up to this share may be lost counts.
-const LOST: f64 = 0.25;
-/// Both columns are compared over this time, which is long against the delays of filters and windows...
-const BLOCK_S: f64 = 0.25;
-/// ... if the motion covers at least this many counts.
-const FEWEST_COUNTS: f64 = 50.0;
-/// Fewer blocks prove nothing...
-const FEWEST_BLOCKS: usize = 5;
-/// ... nor do blocks that scatter by more than this part of the deviation of their median.
-const AGREE: f64 = 0.25;
-/// A smaller share of the supply has too large a rounding error.
-const SUBSTANTIAL_DUTY: f64 = 0.2;
-/// A supply that sags, or is raised by a braking motor, deviates in many rows, but not in this share of them.
-const AS_IT_STANDS: f64 = 0.1;
-const FEWEST_ROWS: usize = 50;
 
 /// A value of the rig file, and the value that a recording gives.
 #[derive(Clone, Debug, PartialEq)]

@@ -7,19 +7,9 @@
 use super::LONG_ROW;
 use super::edge_timing::{BetweenEdges, EdgeTiming, noise_of_ages};
 use super::speed_window::count_rad;
-
-/// A speed is timed so if this share of the times from edge to edge connect the rows, and there are at least this many.
-const LEAST_SHARE: f64 = 0.95;
-const FEWEST_TIMES: usize = 100;
-/// The last edge before a row is at most this many edge times old, by the reading.
-const OLDEST_STEPS: f64 = 3.0;
-/// Relative rounding error of a program's quotient.
-const QUOTIENT: f64 = 2e-4;
-/// A shaft is at rest if no edge comes for this long, and for as long as a shaft at the second speed takes from edge to
-/// edge. This share is left out at either end, where it stops or starts within an edge.
-const STILL_S: f64 = 0.02;
-const CREEP_RAD_PER_S: f64 = 0.16;
-const STILL_ENDS: f64 = 0.25;
+use crate::configuration::dataset::counted_edges::{
+    CREEP_RAD_PER_S, FEWEST_TIMES, LEAST_SHARE, OLDEST_STEPS, QUOTIENT, STILL_ENDS, STILL_S,
+};
 
 /// A recording's speed beside its counts.
 pub(super) struct Counted<'a> {

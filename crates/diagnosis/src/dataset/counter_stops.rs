@@ -7,23 +7,10 @@
 //! more abruptly than the shaft can change its speed.
 
 use super::{DIFFERENCE_SPAN_S, Dataset, Output, Stretch};
+use crate::configuration::dataset::counter_stops::{
+    ABRUPT, BESIDE, FEWEST, FEWEST_COUNTS, ROUNDED, SPANS, STILL_DRIVEN,
+};
 use std::ops::{Range, RangeInclusive};
-
-/// A stop loses at least this many counts, and at least as many on either side show the speed.
-const FEWEST_COUNTS: f64 = 8.0;
-/// Between equal times before a stop, or after it, the speed changes by less than this factor. A motor that brakes
-/// evenly to a standstill, or starts from one, turns three times as far in the farther of them.
-const ABRUPT: f64 = 1.6;
-/// The command during a stop is at least this share of the one before.
-const STILL_DRIVEN: f64 = 0.7;
-
-/// Fewer stops may be single events of any kind.
-const FEWEST: usize = 3;
-
-/// Rows over which a change of speed is evaluated: one row shows the fastest, three have less rounding.
-const SPANS: [usize; 2] = [1, 3];
-/// Rounding error of a second difference of whole counts.
-const ROUNDED: f64 = 2.0;
 
 /// A stop.
 #[derive(Clone, Debug, PartialEq)]
@@ -156,10 +143,9 @@ impl Rate {
 impl Stand {
     /// From the rows right before and after, whatever the rates are.
     fn between(counts: &[f64], rows: Range<usize>) -> Option<Self> {
-        const OVER: usize = 2;
-        let rate = |turned: f64| Rate { per_row: turned / OVER as f64, over: OVER };
-        let before = rate(turned_before(counts, &rows, OVER)?);
-        let after = rate(turned_after(counts, &rows, OVER)?);
+        let rate = |turned: f64| Rate { per_row: turned / BESIDE as f64, over: BESIDE };
+        let before = rate(turned_before(counts, &rows, BESIDE)?);
+        let after = rate(turned_after(counts, &rows, BESIDE)?);
         Some(Self { counted: counted_around(counts, &rows)?, rows, before, after })
     }
 

@@ -3,15 +3,8 @@
 use super::columns::{correlation, greatest, mean, noise, width};
 use super::mistakes::about_mean;
 use super::{Dataset, Measured, Output};
+use crate::configuration::dataset::dead_current::{FOLLOWS, MOST_STEPS, MOVES};
 use motorbench_text::terminal_text::short;
-
-/// A reading within this many steps of the sensor's resolution stands still: a step to either side, and how a file rounds
-/// them. Where the rig file states no resolution, only one that is the same in all rows does.
-const MOST_STEPS: f64 = 2.5;
-/// A sensor that is coarse beside the current follows the voltage by at least this. Such a reading does not stand still.
-const FOLLOWS: f64 = 0.1;
-/// A motion that is this many times its noise is one.
-const MOVES: f64 = 5.0;
 
 /// Takes the current of recordings in which its sensor is dead for not recorded: of all, where no other shows a current, or of
 /// those alone.

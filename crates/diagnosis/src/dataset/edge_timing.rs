@@ -5,32 +5,11 @@
 //! moment it looks like a delay, or like something that is missing.
 
 use super::columns::integrated;
+use crate::configuration::dataset::edge_timing::{
+    APART_ROWS, CLOSER, DECODED, FEWEST_EDGES, FEWEST_OF_RIG, FEWEST_OLD_ROWS, FEWEST_TIMES, KNOWN_TO_ROWS,
+    LEAST_RANGE, LEAST_SHARE, MOST_EDGES, SAME_STEP, SLOW_ROWS, STEPS_FROM_REST,
+};
 use std::f64::consts::TAU;
-
-/// A speed worth a look has so many rows that repeat the two before them, or fade.
-const FEWEST_OLD_ROWS: usize = 30;
-/// Edges a revolution that are looked for, in steps of this factor.
-const FEWEST_EDGES: f64 = 1.0;
-const MOST_EDGES: f64 = 4000.0;
-const CLOSER: f64 = 1.02;
-/// A fading speed is one step over a time: to this share.
-const SAME_STEP: f64 = 0.03;
-/// A time from edge to edge is looked at where it takes so many rows...
-const SLOW_ROWS: f64 = 3.0;
-/// ... and agrees with the speed that is read at its end to so many, since edges come anywhere in their row.
-const KNOWN_TO_ROWS: f64 = 1.2;
-/// Edges that are so many rows apart are not in two rows after each other.
-const APART_ROWS: f64 = 2.0;
-/// So many times are looked at, fewer where the rig file tells the encoder, of which this share agrees...
-const FEWEST_TIMES: usize = 20;
-const FEWEST_OF_RIG: usize = 8;
-const LEAST_SHARE: f64 = 0.85;
-/// ... and the longest of them is this many times the shortest: a speed that is made anew after so many rows has one.
-const LEAST_RANGE: f64 = 1.5;
-/// The encoder that the rig file tells of, counted by all edges, by those of one channel, by half of these.
-const DECODED: [f64; 3] = [1.0, 2.0, 4.0];
-/// A shaft that gathers speed evenly from rest takes, for the two steps to its first reading, this many times what that says.
-const STEPS_FROM_REST: f64 = 4.0;
 
 /// Where the mean lies that a row reads.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -3,20 +3,11 @@
 //! A motor comes to its greatest speed ever slower, and noise goes on there. A reading that moved, and then is
 //! the same number for rows, is at the end of a range: of a sensor, an amplifier or a converter.
 
+use crate::configuration::dataset::end_of_range::{
+    CALCULATED, LEAST_OF_GREATEST, LEAST_ROWS, LEAST_SHARE, LEAST_STEPS, ON_ITS_WAY,
+};
 use crate::dataset::{greatest, median, runs};
 use std::ops::Range;
-
-/// Rows at the end of a range: as a share of all, and one after the other.
-const LEAST_SHARE: f64 = 0.02;
-const LEAST_ROWS: f64 = 5.0;
-/// Before it stops a reading goes on by this many of its own steps a row, as a middle of all stops...
-const LEAST_STEPS: f64 = 3.0;
-/// ... and by this share of its greatest.
-const LEAST_OF_GREATEST: f64 = 0.05;
-/// Of the greatest reading: less than any sensor tells apart.
-const CALCULATED: f64 = 1e-7;
-/// Rows over which that is seen.
-const ON_ITS_WAY: usize = 3;
 
 /// Ends of a sensor's range that were met, and the rows there.
 #[derive(Clone, Copy, Debug, PartialEq)]

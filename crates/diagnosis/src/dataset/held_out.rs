@@ -5,19 +5,7 @@
 //! the step as well.
 
 use super::{Dataset, spread};
-use std::ops::RangeInclusive;
-
-/// Length of a block; shorter in short recordings.
-const BLOCK_S: f64 = 0.25;
-const FEWEST_BLOCKS: f64 = 24.0;
-const EVERY: usize = 3;
-/// Which of them is held out.
-const HELD_OUT: usize = 1;
-/// Evenly spread, the held-out part has a third of all changes of the motion. With less than a twentieth it judges what it
-/// hardly sees, and with more than half of them the fit does.
-const FAIR: RangeInclusive<f64> = 0.05..=0.5;
-/// A change is that over this part of a block: at most 16 ms, short against the response of a motor.
-const PART_OF_BLOCK: usize = 16;
+use crate::configuration::dataset::held_out::{BLOCK_S, EVERY, FAIR, FEWEST_BLOCKS, HELD_OUT, PART_OF_BLOCK};
 
 impl Dataset {
     pub(super) fn hold_out(&mut self) {

@@ -6,20 +6,8 @@
 
 use super::columns::{greatest, noise, spread};
 use super::{Dataset, DatasetError, Output, Stretch};
+use crate::configuration::dataset::held_rotor::{ANSWERS, COUNTS, DRIVEN, GIVES_WAY, NOISES, PARTS, SETTLED_S};
 use std::ops::Range;
-
-/// A motion within this multiple of its noise, or these counts in its window, is none...
-const NOISES: f64 = 5.0;
-const COUNTS: f64 = 3.0;
-/// ... except in this share of the driven rows: a clamp yields a little with each step.
-const GIVES_WAY: f64 = 0.01;
-/// A row is driven from this share of the greatest voltage on.
-const DRIVEN: f64 = 0.3;
-/// Without a back-EMF the present command explains this share of the current's variance. It is computed as the mean in
-/// this many parts of the voltage range, in rows in which the winding has settled.
-const ANSWERS: f64 = 0.9;
-const PARTS: usize = 32;
-const SETTLED_S: f64 = 0.01;
 
 /// A recording with the rotor held.
 #[derive(Clone, Debug)]

@@ -1,14 +1,9 @@
 //! The measured quantities, and how exactly each is known.
 
 use super::{Dataset, Stretch, noise, spread};
+use crate::configuration::dataset::measured::SHARED_COUNTS;
+pub use crate::configuration::dataset::measured::TOLERANCE;
 use motorbench_data::recording::Channel;
-
-/// An error below this share of a quantity's spread is not named. Terms held over half a millisecond, a friction that
-/// bends before it slips, and a speed read as a mean cause up to as much.
-pub const TOLERANCE: f64 = 0.01;
-/// Speeds from row to row share a count with the next. Their scatter makes them seem noisier by this factor than
-/// counting does: the root of 7/4 comes from third differences of rounding, the rest from the whole numbers.
-const SHARED_COUNTS: f64 = 1.7;
 
 /// A measured quantity that the simulation is compared with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

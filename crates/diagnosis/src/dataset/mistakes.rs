@@ -1,16 +1,7 @@
 //! Readings that no shaft can produce: one direction whatever the voltage, or three times the speed for a single row.
 
 use super::columns::{correlation, greatest, mean};
-
-/// A value is substantial from this share of the greatest on.
-const SUBSTANTIAL: f64 = 0.1;
-/// A direction counts if this share of the rows has it.
-const OFTEN: f64 = 0.05;
-/// A speed without a sign correlates with the magnitude of the voltage by more than this.
-const FOLLOWS: f64 = 0.5;
-/// A single row is impossible if it is this many times as fast as all but a hundredth of the rows.
-const IMPOSSIBLE: f64 = 3.0;
-const ALL_BUT: f64 = 0.01;
+use crate::configuration::dataset::mistakes::{ALL_BUT, FOLLOWS, IMPOSSIBLE, OFTEN, SUBSTANTIAL};
 
 /// Whether a motion never reverses though its drive does.
 pub(super) fn has_no_sign(drive: &[f64], motion: &[f64]) -> bool {

@@ -1,15 +1,8 @@
 //! What recordings show of the period of the PWM.
 
 use super::{Dataset, Output, Pulse};
+use crate::configuration::dataset::pwm::{MOMENT_S, MOST_HZ};
 use motorbench_data::rig::Readings;
-
-/// Every edge of a PWM is simulated up to this frequency, which takes no more steps than the usual ones of half a
-/// millisecond. A faster one is averaged.
-const MOST_HZ: f64 = 1500.0;
-
-/// Standard deviation of the moment at which a program reads a current. A conversion begins with the next clock of the
-/// converter, 8 us on an Uno (ATmega328P data sheet, 24.4), and `micros()` counts in steps of 4 us; both are uniform.
-const MOMENT_S: f64 = 2.6e-6;
 
 impl Dataset {
     /// Whether each current may be a value of one instant.

@@ -9,22 +9,14 @@ use super::{
     DIFFERENCE_SPAN_S, Dataset, DatasetError, GREATEST_DUTY, LONGEST_INTERVAL_S, LONGEST_OF_ALL_S, LimitedDuty,
     Measured, Origin, Output, SHORTEST_S, SHORTEST_STRETCH, Stretch, difference, end_of_range, mistakes,
 };
+use crate::configuration::dataset::reading::{
+    BACKWARD, GAP_INTERVALS, GREATEST_LIMITED_DUTY, LONGEST_HELD_S, OPEN_BRIDGE_S,
+};
 use motorbench_data::recording::{Channel, Recording};
 use motorbench_data::rig::{Readings, Rig};
 use motorbench_model::{Axis, Drive, Motion};
 use std::f64::consts::TAU;
 use std::ops::Range;
-
-/// A pause of this many intervals begins a new stretch...
-const GAP_INTERVALS: f64 = 10.0;
-/// ... unless it is at most this long and the command after it is the one before: then the command was held.
-const LONGEST_HELD_S: f64 = 1.0;
-/// If a command is missing for longer than this, the bridge was off.
-const OPEN_BRIDGE_S: f64 = 0.02;
-/// A duty beyond the whole supply is limited up to here.
-const GREATEST_LIMITED_DUTY: f64 = 2.0;
-/// A motion with this correlation against its drive is impossible: a motor takes energy from its drive.
-const BACKWARD: f64 = -0.2;
 
 /// What one recording shows about how all speeds were made.
 #[derive(Clone, Copy)]

@@ -6,21 +6,13 @@
 //! reading responds to a command that has not been given.
 
 use super::{Dataset, Output, Stretch};
+use crate::configuration::dataset::row_order::{
+    LEAST_SHARE_OF_CURRENT, LEAST_SHARE_OF_MOTION, LEAST_SIGMAS, ROWS, ROWS_PER_COEFFICIENT,
+};
 use nalgebra::{DMatrix, DVector};
 
 /// Note on such a recording.
 pub const WRITTEN_AFTER: &str = "Each row was written after its command had acted, so the commands were moved one row earlier. [recording] command_delay_s = 0 in the rig file takes the rows as they are.";
-
-/// Rows after a change of the command in which its response is evaluated; later ones depend on the levels.
-const ROWS: usize = 12;
-/// The response in the command's own row counts from this many standard errors on...
-const LEAST_SIGMAS: f64 = 8.0;
-/// ... if it is this share of the greatest in any row. A feedback of the readings is far smaller, and so is the
-/// response of a winding before a sensor that is read shortly after the command. A motion begins slowly.
-const LEAST_SHARE_OF_CURRENT: f64 = 0.2;
-const LEAST_SHARE_OF_MOTION: f64 = 0.08;
-/// Rows for each coefficient, at least.
-const ROWS_PER_COEFFICIENT: usize = 10;
 
 /// Coefficients: changes of the command a row ahead, in the row itself and in those before; levels of reading, motion
 /// and command a row before; a constant.

@@ -3,28 +3,11 @@
 //! Such a speed is late by half its window, or not at all if the window reaches as far ahead as back. Taken as an
 //! instantaneous speed it looks like a delay, a gap or another winding.
 
+use crate::configuration::dataset::speed_window::{
+    CLOSE, EVEN, FEWEST_COUNTS, FEWEST_ROWS, HOPELESS_SHARE, LEAST_SHARE, LONGEST_S, MOST_PARTS, NEXT_GREATER, ONE_IN,
+    SAME,
+};
 use std::f64::consts::TAU;
-
-/// Longest window that is tried.
-const LONGEST_S: f64 = 0.1;
-/// At least this many rows in motion have to agree...
-const LEAST_SHARE: f64 = 0.98;
-const FEWEST_ROWS: usize = 50;
-/// ... and one in this many of all rows with a count: the few rows of one peak may agree by chance.
-const ONE_IN: usize = 40;
-/// ... and a window is rejected if fewer rows agree after this many...
-const HOPELESS_SHARE: f64 = 0.9;
-/// ... to this part of a count.
-const CLOSE: f64 = 0.1;
-/// A least step has at most this many parts; the next greater steps are up to this many times it.
-const MOST_PARTS: u32 = 4;
-const NEXT_GREATER: f64 = 6.0;
-/// Two speeds of the same counts differ by less than this part of a count; a speed timed by edges does not.
-const SAME: f64 = 0.25;
-/// Rows with fewer counts in the window contain too little.
-const FEWEST_COUNTS: f64 = 3.0;
-/// Intervals are equal when they differ by less than this share.
-const EVEN: f64 = 0.01;
 
 /// The rows over which a mean speed is taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

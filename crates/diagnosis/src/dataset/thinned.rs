@@ -2,9 +2,7 @@
 //! rows. A current changes faster, so its rows stay.
 
 use super::{Dataset, Measured, Output, Window};
-
-/// Rows closer than this are thinned. The speed of a small motor changes over tens of milliseconds.
-const SHORTEST_ROW_S: f64 = 1e-3;
+use crate::configuration::dataset::thinned::SHORTEST_ROW_S;
 
 impl Dataset {
     /// Makes one row of several. A command becomes its mean, which moves a motor as far. A speed becomes the mean around

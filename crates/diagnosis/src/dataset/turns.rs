@@ -2,18 +2,8 @@
 
 use super::LONG_ROW;
 use super::columns::{median, width};
+use crate::configuration::dataset::turns::{AMBIGUOUS_SHARE, BYTE, LONG_SPANS, MOST_OF_SPAN, ROUNDED};
 use std::f64::consts::TAU;
-
-/// An angle within a revolution may exceed it by this much.
-const ROUNDED: f64 = 1e-3;
-/// Overflow spans of counters whose steps from row to row are small against them.
-const LONG_SPANS: [f64; 2] = [65_536.0, 4_294_967_296.0];
-/// A counter of one byte.
-const BYTE: f64 = 256.0;
-/// A step of more than this share of the span may as well be one in the other direction.
-const MOST_OF_SPAN: f64 = 0.4;
-/// This many such steps are more than a glitch.
-const AMBIGUOUS_SHARE: f64 = 0.01;
 
 /// A column that wraps after this span, too fast to tell how far it went.
 #[derive(Debug, PartialEq)]

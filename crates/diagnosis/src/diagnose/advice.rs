@@ -1,6 +1,8 @@
 //! What a person should do, and notes on what a result rests on.
 
 use super::outcome::{Cause, Outcome, Parameter, Quality};
+pub(super) use crate::configuration::diagnose::advice::OTHER_UNIT;
+use crate::configuration::diagnose::advice::REPORTED_ABOVE_NOISE;
 use crate::dataset::{Dataset, TOLERANCE};
 use motorbench_model::Drive;
 use motorbench_model::catalogue::{INDUCTANCE, USUAL};
@@ -8,8 +10,6 @@ use motorbench_model::linear::motor_model::TimeConstants;
 use motorbench_model::motor::MotorParameters;
 use motorbench_text::terminal_text::short;
 
-/// A value that is off by more than this factor is probably in another unit, or decoded otherwise.
-pub(super) const OTHER_UNIT: f64 = 2.5;
 /// Advice on constants that were found beside an unknown effect.
 const BESIDE_UNEXPLAINED: &str =
     "Until this is explained, all constants are approximate. Their intervals contain the noise, not the missing cause.";
@@ -20,8 +20,6 @@ const IMPOSED_CURRENT: &str = "No voltage was recorded, so the current is the in
 const IN_AMPERES: &str = "Without [motor] torque_constant_Nm_per_A in the rig file the scale of all torques is unknown: here 1 Nm stands for the torque of 1 A.";
 /// Against an off phase that coasts where the motor never reverses, as behind a single transistor.
 const OF_ONE_TRANSISTOR: &str = "With a bridge leave enable high. One transistor and a diode always coast so at small currents: a second transistor in place of the diode, or a higher PWM frequency, makes the motor linear";
-/// An error this many times the sensor's noise is reported, even if it is too small for a name.
-const REPORTED_ABOVE_NOISE: f64 = 1.5;
 
 impl Outcome {
     /// Note on a nominal value that the constants contradict, where another reason is more likely than a wrong value.

@@ -3,24 +3,16 @@
 //! lacks stands out, and left out if everything else is explained without them.
 
 use super::channels::excluded;
-use super::judge::{NOT_NOISE, above_floor};
+use super::judge::{BLOCK_S, NOT_NOISE, above_floor};
 use super::missing::lack;
 use super::residuals;
 use super::select::usual_model;
+pub(super) use crate::configuration::diagnose::bad_stretches::MOST_LEFT_OUT;
+use crate::configuration::diagnose::bad_stretches::{BELONGS, MOST_PLACES, STANDS_OUT};
 use crate::dataset::{Dataset, Stretch, median};
 use crate::identify::{Fit, Prior};
 use motorbench_model::catalogue::ActsOn;
 use std::ops::Range;
-
-/// The lack is looked at in blocks of this length.
-const BLOCK_S: f64 = 0.1;
-/// A block stands out by this multiple of the usual lack. Even a law that is missing acts in many blocks, so it is usual.
-const STANDS_OUT: f64 = 5.0;
-/// Its neighbours belong to it from this share of its lack on.
-const BELONGS: f64 = 0.2;
-/// At most so many places are left out, and this share of a recording. More is a cause, and no accident.
-const MOST_PLACES: usize = 4;
-pub(super) const MOST_LEFT_OUT: f64 = 0.15;
 
 /// The data without such stretches, where `found` leaves more than noise and there are any. The greatest is left out
 /// first, since it biases the fit by which the others are found.

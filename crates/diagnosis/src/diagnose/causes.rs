@@ -3,6 +3,7 @@
 use super::outcome::{Cause, Estimate, Parameter, RmseGain, RunnerUp, confidence};
 use super::select::Standing;
 use super::{Corrections, DATA_SHEET_TOLERANCE, Found};
+use crate::configuration::diagnose::causes::{BEYOND_TOLERANCE_SIGMAS, LEAST_ROWS, LEAST_SPREAD};
 use crate::dataset::{Dataset, greatest};
 use crate::identify::{Fit, Interval, Place, Z95};
 use motorbench_data::rig::NominalMotor;
@@ -12,12 +13,6 @@ use motorbench_model::motor::MotorParameters;
 use motorbench_model::{Model, Term};
 use std::collections::BTreeMap;
 
-/// A value is called wrong when it is this many standard errors beyond the tolerance...
-const BEYOND_TOLERANCE_SIGMAS: f64 = 3.0;
-/// ... and each standard error (of a logarithm) counts at least as this: the tolerance itself is not sharp.
-const LEAST_SPREAD: f64 = 0.02;
-/// An inductance is visible if its electrical time constant is at least this share of the time between rows.
-const LEAST_ROWS: f64 = 0.3;
 /// The constant that bridge and winding share.
 pub(super) const RESISTANCE_OHM: &str = "resistance_ohm";
 

@@ -3,31 +3,14 @@
 //! not since when it acts; the motion shows that.
 
 use super::judge::{NOT_NOISE, above_floor};
+pub(super) use crate::configuration::diagnose::command_times::LEAST_GAIN;
+use crate::configuration::diagnose::command_times::{
+    ANSWER_S, CLOSER, LEAST_CHANGE, LEAST_GAIN_OF_CLOSE_ROWS, RARELY, ROUNDS, SHIFT, SHORTEST_ROW_S,
+};
 use crate::dataset::{Dataset, LONG_ROW};
 use crate::free_run::free_run;
 use crate::identify::{Effort, Fit, Prior, fit};
 use motorbench_model::{Drive, Model};
-
-/// At shorter row intervals commands are hardly missing, unless a row is missing...
-const SHORTEST_ROW_S: f64 = 1.5e-3;
-/// ... which shows as a long row, or commands and rows have separate clocks: then they change in at most this share of
-/// the rows.
-const RARELY: f64 = 0.05;
-/// A change by this share of the greatest voltage gets a time of its own; smaller ones are put in the middle between
-/// the rows.
-const LEAST_CHANGE: f64 = 0.002;
-/// The response to a change is evaluated for this long.
-const ANSWER_S: f64 = 0.1;
-/// Times and model are estimated in turn, this often.
-const ROUNDS: usize = 5;
-/// Shift for the numerical derivative, as a share of the row.
-const SHIFT: f64 = 0.1;
-/// The estimated times have to lower the cost to this share of that with the commands at their rows...
-pub(super) const LEAST_GAIN: f64 = 0.5;
-/// ... to this share for short row intervals, where commands are hardly missing...
-const LEAST_GAIN_OF_CLOSE_ROWS: f64 = 0.2;
-/// ... and times found with a poorer model, to this share of their previous cost.
-const CLOSER: f64 = 0.98;
 
 /// Estimates when the commands changed, if that explains most of the rest. Returns whether it did.
 pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {

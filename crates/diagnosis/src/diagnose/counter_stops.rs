@@ -3,6 +3,9 @@
 
 use super::judge::rmse;
 use super::outcome::{Cause, Estimate, RmseGain, confidence};
+use crate::configuration::diagnose::counter_stops::{
+    BESIDE, LEAST_COUNTS, LEAST_SIGMAS, MOVED_COUNTS, NEXT, STILL_TURNING,
+};
 use crate::dataset::{CounterStop, Dataset, median};
 use crate::free_run::Prediction;
 use crate::identify::{Effort, Fit, Prior, Z95, fit};
@@ -11,19 +14,6 @@ use std::collections::BTreeMap;
 
 /// Identifier of the cause.
 pub const ID: &str = "missed_counts";
-
-/// Number of rows before and after a stop that show the speed error of the model there.
-const BESIDE: usize = 6;
-/// A stop is evaluated again if its lost counts change by this much.
-const MOVED_COUNTS: f64 = 2.0;
-
-/// A standstill of the counter is a stop if the model passes this many counts, at this many standard errors...
-const LEAST_COUNTS: f64 = 5.0;
-const LEAST_SIGMAS: f64 = 4.0;
-/// ... and if the motor turned right before and right after it at no less than this share of its speed some rows away.
-const STILL_TURNING: f64 = 0.7;
-/// Number of rows that count as right before or right after.
-const NEXT: usize = 2;
 
 /// The same with a motor without any effect: its errors beside a stop compensate for most of what it lacks.
 pub(super) fn settle_by_linear_motor(data: &mut Dataset, prior: &Prior) {

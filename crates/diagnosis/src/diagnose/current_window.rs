@@ -2,24 +2,14 @@
 //! where the rig file does not give it. Such a reading is late by half of that time, which is not a lag of the sensor.
 
 use super::judge::{AS_GOOD, NOT_NOISE, above_floor};
+use crate::configuration::diagnose::current_window::{
+    CLOSER, EXCESSIVE_INDUCTANCE, LATEST_S, LEAST_BESIDE, LEAST_GAIN, LOOKED_AT_S,
+};
 use crate::dataset::Dataset;
 use crate::identify::{Effort, Fit, Prior, fit};
 use maybe_rayon::prelude::*;
 use motorbench_data::rig::Readings;
 use motorbench_model::{Model, Term};
-
-/// Windows tried first; the longest is a period of the slowest PWM of an Uno's timers.
-const LOOKED_AT_S: [f64; 6] = [0.2e-3, 0.4e-3, 0.7e-3, 1.0e-3, 1.5e-3, 2.05e-3];
-/// Then finer steps around the best.
-const CLOSER: [f64; 3] = [1.2, 1.1, 1.05];
-/// A lag of the current up to half of the longest window may be a window.
-const LATEST_S: f64 = 1.25e-3;
-/// A window has to lower the cost to this share of that without any delay.
-const LEAST_GAIN: f64 = 0.99;
-/// If a rest remains that a window does not explain, to this share: a part of anything may be a delay.
-const LEAST_BESIDE: f64 = 0.6;
-/// An inductance this many times the nominal one may be a window.
-const EXCESSIVE_INDUCTANCE: f64 = 1.2;
 
 /// Sets the window if it explains a lag, a rest, or an excessive inductance. Returns whether it did.
 pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {

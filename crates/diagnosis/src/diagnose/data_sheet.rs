@@ -3,21 +3,12 @@
 
 use super::DATA_SHEET_TOLERANCE;
 use super::judge::{NOT_NOISE, above_floor};
+use crate::configuration::diagnose::data_sheet::{EXCESSIVE_INDUCTANCE, IMPLAUSIBLE_EACH, MOST_DROP_V, VISCOUS_SPREAD};
 use crate::dataset::Dataset;
 use crate::identify::{Fit, GIVEN_DROP_SPREAD_V, Prior};
 use motorbench_model::motor::MotorParameters;
 use motorbench_model::unit::Unit;
 
-/// Standard deviation of the logarithm of a nominal viscous friction.
-const VISCOUS_SPREAD: f64 = 0.5;
-/// Squared deviations of R, k and J from their nominal values, in standard deviations, for each nominal value: more is
-/// implausible.
-const IMPLAUSIBLE_EACH: f64 = 8.0;
-/// An inductance this many times the nominal one may be an effect.
-const EXCESSIVE_INDUCTANCE: f64 = 1.35;
-/// The most that a bridge of transistors and the brushes behind it drop: 3.6 V (ST L293D data sheet, both saturation voltages
-/// at their maximum), and 1 V for carbon brushes.
-const MOST_DROP_V: f64 = 4.6;
 /// Resistance, torque constant and inertia, by their units: they show the size of a motor. An inductance depends on the
 /// frequency of its measurement.
 pub(super) const OF_SIZE: [Unit; 3] = [Unit::Ohm, Unit::NewtonMetrePerAmpere, Unit::KilogramMetre2];

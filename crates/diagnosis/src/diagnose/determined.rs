@@ -4,6 +4,7 @@
 //! These quantities do not. A quantity is determined if the data narrow it to less than half of what was known before.
 
 use super::outcome::ScaleOrigin;
+use crate::configuration::diagnose::determined::{MOST_OF_PRIOR, MOVED_BY_A_CONSTANT, PWM_FULL};
 use crate::dataset::{Dataset, greatest};
 use crate::identify::{Derived, Uncertainty, Z95, has_unknown_torque_scale, scales_all_torques};
 use motorbench_data::rig::NominalMotor;
@@ -13,14 +14,6 @@ use motorbench_model::unit::{Quantity::Current as CurrentScale, Unit};
 use motorbench_model::{Direction, Drive, Model};
 use serde::Serialize;
 use std::collections::BTreeMap;
-
-/// Data that leave more than this share of what was known before did not determine a quantity.
-const MOST_OF_PRIOR: f64 = 0.5;
-/// A model without friction and drop has no dead band, and no fitted constant moves it by more than rounding: then the fit
-/// does not say how large one may be that was not seen.
-const MOVED_BY_A_CONSTANT: f64 = 1e-9;
-/// Full range of a PWM value of 8 bits.
-const PWM_FULL: f64 = 255.0;
 
 /// A quantity that the data determine.
 #[derive(Clone, Copy, Debug, Serialize)]

@@ -4,6 +4,7 @@
 //! not from the readings.
 
 use super::data_sheet::off_data_sheet;
+use crate::configuration::diagnose::hidden_drop::{LEAST_LEFT, USUAL_V};
 use crate::dataset::{Dataset, greatest};
 use crate::identify::{Fit, GIVEN_DROP_SPREAD_V, NOMINAL_SPREAD, Prior, Z95};
 use motorbench_data::rig::Bridge;
@@ -11,12 +12,6 @@ use motorbench_model::Model;
 use motorbench_model::catalogue::{VOLTAGE_DROP, effect};
 use motorbench_model::unit::{Quantity, Unit};
 use motorbench_text::terminal_text::short;
-
-/// Usual drop of bridges and its standard deviation: almost zero with MOSFETs, two to three volts with bipolar
-/// transistors.
-const USUAL_V: (f64, f64) = (1.6, 1.2);
-/// A bridge leaves at least this share of the voltage.
-const LEAST_LEFT: f64 = 0.3;
 
 /// The assumed drop.
 #[derive(Clone, Copy, Debug)]

@@ -12,14 +12,11 @@ use super::{
     bad_stretches, command_times, counter_stops, current_window, data_sheet, laws, pwm_frequency, pwm_phase,
     ripple_phase, speed_reading, unseen_losses,
 };
+use crate::configuration::diagnose::interpretation::BEYOND_DOUBT_SIGMAS;
 use crate::dataset::Dataset;
 use crate::identify::{Effort, Fit, Interval, Prior, fit, has_unknown_torque_scale};
 use motorbench_model::Model;
 use std::cmp::Ordering;
-
-/// With this evidence an effect is real, though its strength may be unknown: the data may lack the scale that it is
-/// proportional to, such as that of all torques. Right names had more, wrong names less.
-const BEYOND_DOUBT_SIGMAS: f64 = 12.0;
 
 /// How the data are interpreted, and the model that explains them so.
 pub(super) struct Interpretation {

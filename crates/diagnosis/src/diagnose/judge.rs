@@ -1,28 +1,14 @@
 //! Judges models on held-out data.
 
 use super::random_losses;
+pub use crate::configuration::diagnose::judge::NOT_NOISE;
+pub(super) use crate::configuration::diagnose::judge::{AS_GOOD, BLOCK_S, VERY_STRONG_NATS};
+use crate::configuration::diagnose::judge::{FAR_OFF, RESAMPLES, USUAL_ROUNDS};
 use crate::dataset::{Dataset, Measured};
 use crate::free_run::Prediction;
 use crate::identify::Fit;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-
-/// Parts of this length count as independent.
-pub(super) const BLOCK_S: f64 = 0.1;
-/// Above this multiple of the noise floor an effect is missing.
-pub const NOT_NOISE: f64 = 1.15;
-
-/// Evidence in natural units that is called very strong (Kass and Raftery, Journal of the American Statistical Association
-/// 90 (1995)).
-pub(super) const VERY_STRONG_NATS: f64 = 5.0;
-
-/// A block whose error is this multiple of the usual one is no usual one.
-const FAR_OFF: f64 = 3.0;
-/// After so many rounds the usual error no longer changes.
-const USUAL_ROUNDS: usize = 30;
-
-/// A simpler model whose cost is at most this multiple counts as equally good.
-pub(super) const AS_GOOD: f64 = 1.02;
 
 /// What one model gains over another on the held-out data.
 #[derive(Clone, Debug)]
@@ -194,9 +180,6 @@ pub fn fit_percent(data: &Dataset, prediction: &Prediction, output: usize) -> f6
     let spread = (values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / values.len().max(1) as f64).sqrt();
     100.0 * (1.0 - rmse(data, prediction, output) / spread.max(f64::MIN_POSITIVE))
 }
-
-/// Resamples of the block bootstrap.
-const RESAMPLES: usize = 200;
 
 /// 95 % interval of the root mean square error, by drawing blocks of the held-out data with replacement.
 pub fn rmse_interval(data: &Dataset, prediction: &Prediction, output: usize) -> [f64; 2] {

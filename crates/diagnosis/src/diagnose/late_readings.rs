@@ -6,8 +6,12 @@ use super::bad_stretches::MOST_LEFT_OUT;
 use super::channels::excluded;
 use super::command_times::LEAST_GAIN;
 use super::judge::{self, motion_above_floor};
-use super::lateness::{self, JUMP_NATS, QUICK_S, at_once, errors, late_s, with_time_constant, without_lag};
+use super::lateness::{self, JUMP_NATS, at_once, errors, late_s, with_time_constant, without_lag};
 use super::select::{SMALL_REST, usual_model};
+use crate::configuration::diagnose::late_readings::{
+    ANOTHER, BEGUN, CLOSER, DEAD_BANDS, FIRST_STEP_S, FOLLOWED, LAST_STEP_S, MOST_DEAD, NOT_LATENESS, ROUNDS,
+    TIME_CONSTANTS_S,
+};
 use crate::dataset::{Dataset, LateCourse, median};
 use crate::free_run::free_run;
 use crate::identify::{Effort, Fit, Prior, fit};
@@ -18,26 +22,6 @@ use motorbench_model::{Direction, Model};
 
 /// Identifier of the friction that holds a shaft at rest.
 const FRICTION: &str = "coulomb_friction";
-/// A lateness is another than usual if it differs by this share of its range.
-const ANOTHER: f64 = 0.25;
-/// Model and lateness are estimated in turn, this often...
-const ROUNDS: usize = 8;
-/// ... while that lowers the cost to this share.
-const CLOSER: f64 = 0.9;
-/// Share of the first error that is expected of anything else.
-const NOT_LATENESS: f64 = 0.2;
-/// Time constants of the motors that the search begins with. One that is far off finds another lateness.
-const TIME_CONSTANTS_S: [f64; 3] = [QUICK_S, 0.02, 0.1];
-/// Dead bands of these motors, as shares of the greatest command: friction and drop of small motors take 3 to 14 % of it.
-const DEAD_BANDS: [f64; 5] = [0.03, 0.05, 0.07, 0.1, 0.14];
-/// The best of these motors are fitted, and the best fits are improved in turn with the lateness.
-const BEGUN: usize = 4;
-const FOLLOWED: usize = 2;
-/// A usual model whose dead band takes more of the greatest command has found no speed.
-const MOST_DEAD: f64 = 0.9;
-/// First and last step in the search for what is the motor's own of a lateness.
-const FIRST_STEP_S: f64 = 0.02;
-const LAST_STEP_S: f64 = 1e-3;
 
 /// The data with each reading at its own time, if a lateness that changes explains most of the rest.
 pub(super) fn settled(data: Dataset, prior: &Prior) -> Dataset {

@@ -5,6 +5,10 @@
 //! readings move.
 
 use super::judge;
+use crate::configuration::diagnose::lateness::{
+    BLOCK_S, COARSE_GROWTH, FASTEST_GROWTH, FINE_GROWTH, LATEST_S, MOST_NATS, REFINED,
+};
+pub(super) use crate::configuration::diagnose::lateness::{JUMP_NATS, QUICK_S};
 use crate::dataset::{Dataset, LateCourse, Measured, Stretch};
 use crate::free_run::Prediction;
 use crate::identify::Prior;
@@ -13,23 +17,6 @@ use motorbench_model::Model;
 use motorbench_model::linear::motor_model::TimeConstants;
 use motorbench_model::motor::MotorParameters;
 use std::ops::Range;
-
-/// Readings in this time count as one: a jump within it is not seen.
-const BLOCK_S: f64 = 4e-3;
-/// Time constant of a motor that answers at once.
-pub(super) const QUICK_S: f64 = BLOCK_S;
-/// A buffer of 4096 bytes at 115,200 bits a second holds 0.36 s.
-const LATEST_S: f64 = 0.5;
-/// Price of a jump in natural units: it may be at any of some 5000 blocks, to any of some 100 times.
-pub(super) const JUMP_NATS: f64 = 13.0;
-/// A block costs at most this: less than a jump, so that some readings that nothing explains cause none.
-const MOST_NATS: f64 = 6.0;
-/// Fastest growth that is tried, and the differences between two that are.
-const FASTEST_GROWTH: f64 = 0.15;
-const COARSE_GROWTH: f64 = 1e-2;
-const FINE_GROWTH: f64 = 1e-3;
-/// Steps of Gauss and Newton for the lateness between two jumps.
-const REFINED: usize = 2;
 
 /// The lateness of each reading that brings a prediction closest. `errors`: what is expected of each quantity.
 pub(super) fn late_s(data: &Dataset, prediction: &Prediction, errors: &[f64]) -> (Vec<f64>, LateCourse) {

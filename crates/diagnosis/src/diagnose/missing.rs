@@ -6,21 +6,12 @@
 //! discrepancy makes the residual most likely is where it acts. (Kristensen, Madsen and Jorgensen, Automatica 40
 //! (2004): the diffusion term points at the deficient equation.)
 
+use crate::configuration::diagnose::missing::{MORE_THAN_TIME, WALKS, WARMING, WITHIN_S};
 use crate::dataset::{Dataset, Output, Stretch, Window, difference};
 use motorbench_model::catalogue::ActsOn;
 use motorbench_model::motor::MotorParameters;
 use nalgebra::{Matrix3, Vector3};
 use std::cmp::Ordering;
-
-/// Standard deviations of the walk over a second that are tried, as shares of the discrepancy's own size.
-const WALKS: [f64; 4] = [0.1, 1.0, 10.0, 100.0];
-
-/// In this time a lacking torque makes the error of the speed, where no winding limits it.
-const WITHIN_S: f64 = 0.1;
-
-/// A winding warms up in this share of the recording. A slower warm-up does not show, and a faster one is hardly
-/// possible.
-const WARMING: f64 = 0.3;
 
 /// The discrepancy over time.
 #[derive(Clone, Debug)]
@@ -214,8 +205,6 @@ impl Filter {
 /// Names of two quantities that it can depend on...
 const TIME: &str = "time";
 const WARMTH: &str = "warmth of the winding";
-/// ... the second of which has to explain this many times as much.
-const MORE_THAN_TIME: f64 = 1.2;
 
 /// A quantity that the discrepancy can depend on.
 #[derive(Clone, Debug)]

@@ -37,6 +37,8 @@ mod trust;
 mod undecided;
 mod unseen_losses;
 
+pub use crate::configuration::diagnose::DATA_SHEET_TOLERANCE;
+use crate::configuration::diagnose::{DROP_DIFFERENCE, LEAST_FIT_PERCENT, LEAST_LOG_LIKELIHOOD_GAIN};
 use crate::dataset::{Dataset, DatasetError, Measured, greatest};
 use crate::free_run::{Prediction, free_run};
 use crate::identify::{
@@ -63,17 +65,6 @@ use select::Selection;
 use std::collections::BTreeMap;
 pub(crate) use trust::LEAST_OF_REST;
 
-/// A model that explains less than this of the motion, and leaves only noise, cannot be judged: the recording is mostly
-/// noise.
-const LEAST_FIT_PERCENT: f64 = 20.0;
-/// Tolerance of a data sheet: logarithm of found over nominal.
-pub const DATA_SHEET_TOLERANCE: f64 = 0.25;
-/// A sensor is blamed if it explains the rest better than torque or voltage by this much log-likelihood.
-const LEAST_LOG_LIKELIHOOD_GAIN: f64 = 10.0;
-/// By how much a drop may differ between pulse and off phase, as a share of it (one standard deviation). The current flows
-/// through two transistors in the pulse, and through a transistor and a diode in the off phase. A bridge of Darlingtons
-/// in a circuit simulator drops 5 to 25 % less there, and an L298 with Schottky diodes a third less (1.7 V for 2.5 V).
-const DROP_DIFFERENCE: f64 = 0.2;
 /// Note on commands that act late by less than a period of the PWM.
 const WAITS_FOR_THE_PWM: &str = "The commands act late by less than a period of the PWM: its timer takes a new duty at the begin of a period. A faster PWM shortens that.";
 /// Stands for the dependence of a rest that no curve explains.

@@ -2,22 +2,12 @@
 //! current within a period. Another inductance has a similar effect there.
 
 use super::judge::{AS_GOOD, NOT_NOISE, above_floor};
-use crate::dataset::{Dataset, PWM_HZ};
+use crate::configuration::diagnose::pwm_frequency::{LEAST_LOG_LIKELIHOOD_GAIN, NEARER, SHOWS, USUAL_HZ};
+use crate::dataset::Dataset;
 use crate::identify::{Effort, Fit, Prior, fit, scales};
 use maybe_rayon::prelude::*;
 use motorbench_model::Model;
 use motorbench_model::catalogue::{USUAL, effect};
-
-/// Frequencies of an Uno's timers with the usual settings, and of this project's firmware.
-const USUAL_HZ: [f64; 6] = [490.0, 980.0, 1960.0, 3920.0, 7810.0, PWM_HZ];
-/// Another frequency is fitted if it changes the present cost by this share...
-const SHOWS: f64 = 1e-3;
-/// ... and among those as good as the best, the inductance nearest to its nominal value decides, if it is nearer than
-/// the present one by this factor.
-const NEARER: f64 = 1.3;
-/// While a rest remains, and before any effect is known, it has to lower the cost to this share: a missing effect makes
-/// some winding fit a little better.
-const LEAST_LOG_LIKELIHOOD_GAIN: f64 = 0.6;
 
 /// Sets the frequency with which the nominal motor, behind a bridge with a drop, fits clearly better. Its off phase may
 /// brake or coast.

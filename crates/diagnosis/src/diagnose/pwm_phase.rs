@@ -5,30 +5,13 @@
 use super::judge::{VERY_STRONG_NATS, evidence_nats};
 use super::pwm_frequency::with_usual_bridges;
 use super::pwm_ripple::ripples;
+use crate::configuration::diagnose::pwm_phase::{
+    EXCERPT_S, FARTHEST, FITTED, HALVINGS, NEAREST, PHASES, PHASES_OF_SLOW, RIPPLE_TELLS, RIPPLES, ROUNDS,
+};
 use crate::dataset::Dataset;
 use crate::identify::{Effort, Fit, Prior, fit};
 use maybe_rayon::prelude::*;
 use motorbench_model::Model;
-
-/// Phases that are tried first, and the number of halvings that refine the best one. Where commands wait for a slow PWM, a
-/// slightly other phase lets some of them act a whole period later.
-const PHASES: usize = 12;
-const PHASES_OF_SLOW: usize = 192;
-/// A ripple tells the phase to this share of a period: the winding's lag is known by nominal values alone, and a bridge may
-/// coast.
-const RIPPLE_TELLS: f64 = 0.25;
-/// So many of those are fitted, far from each other.
-const FITTED: usize = 4;
-const HALVINGS: i32 = 4;
-/// The first move of what is known nearly, and the least one, in periods.
-const FARTHEST: f64 = 0.02;
-const NEAREST: f64 = 0.001;
-/// Phase, frequency and model are found in turn, this often.
-const ROUNDS: usize = 3;
-/// So many ripples of different frequencies are compared: rows in step see several as the same one.
-const RIPPLES: usize = 3;
-/// A phase shows in any part of a recording in which the command changes; this much suffices.
-const EXCERPT_S: f64 = 3.0;
 
 /// Sets the phase that the ripple in the current shows, and the frequency that it has. Where no ripple is read, commands
 /// that wait for a slow PWM may show the phase. The nominal motor is taken, behind a bridge that has a drop or none, and

@@ -3,6 +3,8 @@
 //! with the duty and goes on so evenly.
 
 use super::judge::VERY_STRONG_NATS;
+pub(super) use crate::configuration::diagnose::pwm_ripple::TIMER_HZ;
+use crate::configuration::diagnose::pwm_ripple::{AROUND_S, BESIDE, CLOCK_TOLERANCE, FINER, MEANS};
 use crate::dataset::{Dataset, Output, Pulse, Stretch};
 use crate::identify::Fit;
 use motorbench_model::motor::MotorParameters;
@@ -10,21 +12,6 @@ use nalgebra::Complex;
 use rustfft::FftPlanner;
 use std::f64::consts::{PI, TAU};
 use std::ops::Range;
-
-/// Frequencies of an Uno's timers: 16 MHz over a prescaler, and over 256 or 510 counts (ATmega328P data sheet, 15.7, 16.9
-/// and 18.7).
-pub(super) const TIMER_HZ: [f64; 6] = [490.196, 976.5625, 1960.784, 3921.569, 7812.5, 980.392];
-/// How far a clock may be from its nominal frequency: a ceramic resonator is within half a percent, and a figure in a rig
-/// file is rounded.
-const CLOCK_TOLERANCE: f64 = 0.006;
-/// A stated frequency may mean that of a timer this near: "1 kHz" for 976.6 Hz.
-const MEANS: f64 = 0.05;
-/// Half of the time whose mean is taken off: what the model lacks mostly changes more slowly.
-const AROUND_S: f64 = 0.25;
-/// What else the residual has is judged from this far beside a peak, in widths of it.
-const BESIDE: Range<f64> = 3.0..30.0;
-/// Frequencies lie closer than a ripple is wide by this factor, and so do the parts of the recording that are summed first.
-const FINER: f64 = 8.0;
 
 /// A ripple that goes on through the whole recording.
 #[derive(Clone, Copy, Debug)]

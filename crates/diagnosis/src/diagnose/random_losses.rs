@@ -11,30 +11,15 @@
 
 use super::counter_stops::ID;
 use super::outcome::{Cause, Estimate, RmseGain, confidence};
+use crate::configuration::diagnose::random_losses::{
+    BLOCKS, EVEN, FAR, FEWEST, FEWEST_COUNTS, LEAST_SHARE, LEAST_SIGMAS, LOOSE, MOST,
+};
 use crate::dataset::{Dataset, Output};
 use crate::identify::Z95;
 use motorbench_model::Model;
 use motorbench_model::catalogue::effect;
 use motorbench_model::unit::{Quantity, Unit};
 use std::collections::BTreeMap;
-
-/// With fewer counts in a window their rounding is too regular.
-const FEWEST_COUNTS: f64 = 2.0;
-/// Fewest windows.
-const FEWEST: usize = 400;
-/// Tolerance of the correlations against those of independent steps.
-const LOOSE: f64 = 0.08;
-/// Lags at which independent steps have no correlation.
-const FAR: [usize; 2] = [3, 4];
-/// The shares lost in the slower and the faster half agree to this factor.
-const EVEN: f64 = 1.5;
-/// Number of blocks for the error of the share, and the multiple of its error at which it is beyond doubt.
-const BLOCKS: usize = 20;
-const LEAST_SIGMAS: f64 = 8.0;
-/// Smaller shares are not named.
-const LEAST_SHARE: f64 = 0.005;
-/// With a greater share the encoder would not work at all.
-const MOST: f64 = 0.9;
 
 /// A change of the residual angle from one window to the next, in counts.
 #[derive(Clone, Copy, Debug)]

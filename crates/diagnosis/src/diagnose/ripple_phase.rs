@@ -2,6 +2,9 @@
 //! noise makes half a radian, and a ripple sampled too rarely makes more. At 14 ripples a revolution half a radian is a
 //! whole ripple. So the phase of the ripple is tracked stretch by stretch, and corrects the angle.
 
+use crate::configuration::diagnose::ripple_phase::{
+    CELL_S, CELLS, CLEAR, FEWEST_RIPPLES, LEAST_GAIN, ROUNDS, SLOW_S, TELLS_PHASE,
+};
 use crate::dataset::{Dataset, Output, Stretch};
 use crate::identify::{Effort, Fit, Prior, fit, scales};
 use maybe_rayon::prelude::*;
@@ -11,21 +14,6 @@ use std::ops::Range;
 
 /// Identifier of the tracked effect.
 const ID: &str = "tacho_ripple";
-/// The phase is estimated over this many cells of this length.
-const CELL_S: f64 = 0.1;
-const CELLS: usize = 4;
-/// Slower errors of the model are not ripple.
-const SLOW_S: f64 = 0.2;
-/// A window has at least this many ripples; fewer follow any error of the model.
-const FEWEST_RIPPLES: f64 = 3.0;
-/// The right number of ripples explains this multiple of what most numbers explain, and of the next best.
-const CLEAR: [f64; 2] = [3.0, 1.5];
-/// A window gives the phase if it explains this multiple of the squared noise.
-const TELLS_PHASE: f64 = 12.0;
-/// Number of corrections, each from the rest of the one before.
-const ROUNDS: usize = 2;
-/// The ripple with the corrected angle has to lower the cost to this share.
-const LEAST_GAIN: f64 = 0.9;
 
 /// Corrects the angle if a ripple with it explains more than without. Returns whether it did.
 pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {

@@ -7,6 +7,9 @@ use super::causes::value_cause;
 use super::data_sheet::{OF_SIZE, off_data_sheet};
 use super::outcome::{Cause, Estimate};
 use super::{DATA_SHEET_TOLERANCE, counter_stops};
+use crate::configuration::diagnose::scale::{
+    DECODINGS, EVEN, FROM_STANDSTILL, KNOWN, MILLIAMPERES, NEARLY, ROUGHLY, SAME_FACTOR, SPEED_UNITS, STUDENT,
+};
 use crate::dataset::{Dataset, Output, greatest};
 use crate::identify::{Fit, NOMINAL_SPREAD, Prior, Z95};
 use motorbench_model::Model;
@@ -15,26 +18,8 @@ use motorbench_model::unit::{Quantity, Unit};
 use motorbench_text::terminal_text::short;
 use std::f64::consts::TAU;
 
-/// Three constants that agree on one factor to this tolerance are in another scale.
-const SAME_FACTOR: f64 = 0.06;
-/// Constants of a data sheet differ from a common factor by at most this...
-const NEARLY: f64 = 0.3;
-/// ... or by this part of it: at a factor of a thousand much may remain.
-const ROUGHLY: f64 = 0.1;
-/// Counts are lost at all speeds if at this share of the greatest speed...
-const FROM_STANDSTILL: f64 = 0.05;
-/// ... nearly the same share is lost.
-const EVEN: f64 = 0.9;
 /// Names of the constants that show a scale, where one is wrong by itself, in the order of [`OF_SIZE`].
 const VALUES: [&str; 3] = ["parameter:resistance", "parameter:torque_constant", "parameter:inertia"];
-/// Usual wrong factors: of counts, of a speed's unit, of a current's unit.
-const DECODINGS: [f64; 2] = [2.0, 4.0];
-const SPEED_UNITS: [f64; 3] = [60.0 / TAU, 360.0 / TAU, 1.0 / TAU];
-const MILLIAMPERES: [f64; 1] = [1000.0];
-/// A factor within this of a usual one is that one: one data sheet in twenty is further off.
-const KNOWN: f64 = 0.18;
-/// Quantiles of Student's distribution for a 95 % interval with one and with two degrees of freedom.
-const STUDENT: [f64; 2] = [12.7, 4.30];
 
 /// A quantity and its wrong factor.
 #[derive(Clone, Copy, Debug)]

@@ -8,6 +8,8 @@ mod winding;
 use super::data_sheet::{doubts, has_wrong_values, is_implausible};
 use super::judge::{AS_GOOD, Gain, NOT_NOISE, VERY_STRONG_NATS, above_floor, evidence_nats, gain};
 use super::{lateness, laws};
+use crate::configuration::diagnose::select::{LEAST_SHARE, LEAST_SIGMAS, MOST_EFFECTS, SAME_SHARE, SAME_SIGMAS};
+pub(super) use crate::configuration::diagnose::select::{NEAR, SMALL_REST};
 use crate::dataset::Dataset;
 use crate::free_run::{Steps, drive, longest_step_s, read};
 use crate::identify::{Effort, Fit, Fits, LEAST_PROMISE, Prior, Promise, scales};
@@ -20,20 +22,6 @@ use std::collections::BTreeSet;
 
 /// Identifier of the delay.
 const DELAY: &str = "actuation_delay";
-/// Largest number of effects.
-const MOST_EFFECTS: usize = 7;
-/// An effect is tried further with this significance...
-const LEAST_SIGMAS: f64 = 3.0;
-/// ... and if it explains at least this share of the remaining error.
-const LEAST_SHARE: f64 = 0.02;
-/// Two models closer than this cannot be told apart.
-const SAME_SIGMAS: f64 = 2.5;
-const SAME_SHARE: f64 = 0.02;
-/// Another law of an effect, or a rival, is fitted further if its cost so far is at most this multiple of the present
-/// one.
-pub(super) const NEAR: f64 = 10.0;
-/// Up to this multiple of the noise floor a rest may come from the simplifications of the laws.
-pub(super) const SMALL_REST: f64 = 2.0;
 
 /// A step from one model to a larger one.
 #[derive(Clone, Debug)]

@@ -4,21 +4,12 @@
 use super::channels::excluded;
 use super::judge::{AS_GOOD, NOT_NOISE, above_floor};
 use super::select::usual_model;
+use crate::configuration::diagnose::speed_reading::{LEAST_GAIN, WINDOW_STEPS, WINDOWS};
 use crate::dataset::{Averaged, Dataset};
 use crate::identify::{Effort, Fit, Prior, fit};
 use maybe_rayon::prelude::*;
 use motorbench_model::catalogue::ActsOn;
 use motorbench_model::{Model, Term};
-use std::ops::RangeInclusive;
-
-/// Without a delay, another reading has to lower the cost to this share. Rows are mostly short beside the motor's time
-/// constant, and many causes fit a little better with a small delay.
-const LEAST_GAIN: f64 = 0.9;
-
-/// A mean over a window is late by half of it. Windows between these multiples of what a lag suggests are tried...
-const WINDOWS: RangeInclusive<f64> = 0.6..=1.6;
-/// ... in so many steps, and in as many again around the best.
-const WINDOW_STEPS: usize = 8;
 
 /// Takes the other reading of the speed, if it explains a delay or a rest. Returns whether it did.
 pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {

@@ -3,23 +3,13 @@
 use super::data_sheet::{excessive_inductance_h, is_implausible};
 use super::judge::{self, NOT_NOISE, above_floor};
 use super::select::{NAMED_SIGMAS, Selection, Standing};
+pub(crate) use crate::configuration::diagnose::trust::LEAST_OF_REST;
+use crate::configuration::diagnose::trust::{LEAST_OF_ANY_COURSE, LEAST_OF_SMALL_REST, LEAST_OF_USUAL};
 use crate::dataset::Dataset;
 use crate::identify::{Effort, Fit, Interval, Place, Prior, fit};
 use motorbench_model::Model;
 use motorbench_model::catalogue::{USUAL, effect};
 use std::ops::Range;
-
-/// A name needs at least this multiple of the unexplained rest. The largest part of an unknown effect often resembles a
-/// known one.
-pub(crate) const LEAST_OF_REST: f64 = 3.0;
-/// The multiple for effects that nearly every bench has, if they are significant by themselves. In place of an unknown
-/// effect none of eighteen benches without them showed one.
-const LEAST_OF_USUAL: f64 = 0.5;
-/// The multiple for an effect that fits any course over time. Right names had a hundred, wrong ones up to six.
-const LEAST_OF_ANY_COURSE: f64 = 20.0;
-/// The multiple for a fault of a sensor beside a rest below the threshold. There the law of a torque may differ from
-/// the named one, and a sensor's fault would absorb the difference. Right names had three and more, wrong ones one.
-const LEAST_OF_SMALL_REST: f64 = 2.0;
 
 /// Removes effects that explain too little beside the rest ([`Rest::outweighs`]): while something large is unknown,
 /// small effects cannot be trusted. Beside a rest below the threshold, an effect stays if the rest would exceed the

@@ -6,27 +6,13 @@
 
 use super::judge::noise;
 use super::residuals;
+use crate::configuration::diagnose::unseen_losses::{
+    ABRUPT, FEWEST_ABRUPT, LEAST_COUNTS, LEAST_SHARE, MOST_COUNTED, MOST_ROWS, RIGHT_OTHERWISE, STANDS_OUT,
+};
 use crate::dataset::{CounterStop, Dataset, NORMAL_MEDIAN, Output, Stretch, median, runs};
 use crate::identify::Fit;
 use motorbench_model::linear::motor_model::TimeConstants;
 use std::ops::Range;
-
-/// The model is right otherwise if the middle half of its residual is at most this multiple of the noise.
-const RIGHT_OTHERWISE: f64 = 1.5;
-/// A moment stands out from this many standard deviations on...
-const STANDS_OUT: f64 = 6.0;
-/// ... or from this many counts, beyond the error that is tolerated of a model.
-const LEAST_COUNTS: f64 = 2.5;
-/// At most this share of all rows may stand out.
-const MOST_ROWS: f64 = 0.1;
-/// Of the moments that stand out, at least this share are losses.
-const LEAST_SHARE: f64 = 0.9;
-/// In the middle of a burst at most this share of the turned angle is counted; several short bursts may be one moment.
-const MOST_COUNTED: f64 = 0.5;
-/// Fewer abrupt ends than this prove nothing...
-const FEWEST_ABRUPT: usize = 3;
-/// ... and an end is abrupt if the speed returns faster by this factor than a shaft could.
-const ABRUPT: f64 = 1.4;
 
 /// Leaves these rows out. Returns whether there were any.
 pub(super) fn settle(data: &mut Dataset, found: &Fit) -> bool {

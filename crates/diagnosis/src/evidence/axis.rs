@@ -1,18 +1,10 @@
 //! Bins of a coordinate.
 
+use crate::configuration::evidence::axis::{BINS, EACH_PERIOD, EACH_SIDE, EACH_TURN};
 use crate::dataset::Dataset;
 use motorbench_model::Term;
 use motorbench_model::catalogue::{Coordinate, Instant};
 use std::f64::consts::TAU;
-
-/// Bins of a quantity with a sign, to either side of zero. They are narrow near zero, where friction and drops change.
-const EACH_SIDE: usize = 14;
-/// Bins of a quantity without a sign.
-const BINS: usize = 28;
-/// Fewest bins of a period of a wave.
-const EACH_PERIOD: usize = 8;
-/// Fewest bins of a turn.
-const EACH_TURN: usize = 24;
 
 /// Edges of bins.
 #[derive(Clone, Debug)]

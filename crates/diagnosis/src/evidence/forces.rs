@@ -2,23 +2,14 @@
 
 use super::axis::{Axis, coordinate, rows};
 use super::{Bin, Case};
+use crate::configuration::evidence::FINER;
+use crate::configuration::evidence::forces::{MOST_ROWS, NUDGE, PRIOR, SMALL_CURRENT};
 use crate::free_run::{nudged, read};
 use motorbench_model::catalogue::{Balance, Coordinate, Instant, Strength};
 use motorbench_model::motor::MotorParameters;
 use motorbench_model::pwm_period::{Ripple, against};
 use motorbench_model::{Model, Term};
 use nalgebra::{DMatrix, DVector};
-
-/// Rows that the responses are compared in: a recording has many more than bins.
-const MOST_ROWS: usize = 8000;
-/// Size of a nudge as a share of the law: so small that the motor answers linearly.
-const NUDGE: f64 = 1e-3;
-/// Bins of the drawn law in each bin of the lack.
-const FINER: usize = 4;
-/// The strength before any data: so many times the law's own.
-const PRIOR: f64 = 10.0;
-/// Share of the greatest current below which pulses of the PWM decide on the drop.
-const SMALL_CURRENT: f64 = 0.02;
 
 /// A torque and a voltage.
 #[derive(Clone, Copy, Debug, Default)]

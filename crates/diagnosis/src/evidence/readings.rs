@@ -2,16 +2,13 @@
 
 use super::axis::{Axis, coordinate, rows};
 use super::{Bin, Case};
+use crate::configuration::evidence::FINER;
+use crate::configuration::evidence::readings::{NEARLY_ALL, STEP};
 use crate::dataset::{Dataset, Output};
 use crate::free_run::{Steps, drive, read};
 use motorbench_model::catalogue::{ActsOn, Coordinate, Strength};
 
-/// A voltage that changes by this share of the supply is a step.
-const STEP: f64 = 0.1;
-/// After a step nearly all of what the law does is shown: this share of its square.
-const NEARLY_ALL: f64 = 0.98;
-/// Bins of the drawn law in each bin of the lack.
-const FINER: usize = 4;
+/// Milliseconds in a second.
 const MS: f64 = 1e3;
 
 /// A row: its coordinate, what a unit of the strength changes, and by how much the reading differs, measured and by the law.

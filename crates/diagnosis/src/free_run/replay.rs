@@ -2,23 +2,13 @@
 //! one delay, so what simulates many models cuts them once.
 
 use super::{Course, Motion, Prediction, Steps, acts_by_angle, longest_step_s, read, run::Run};
+use crate::configuration::free_run::replay::{
+    LEAP, LONGEST_OF_SLOW_S, LONGEST_S, LONGEST_WITHOUT_CURRENT_S, MOST_KEPT, NOT_ZERO,
+};
 use crate::dataset::{Dataset, Measured, Output, Stretch, Window};
 use motorbench_model::{Model, SAME_LENGTH_S};
 use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError};
-
-/// Longest step for a recording of many rows; one with fewer takes a tenth of its interval, at most
-/// [`LONGEST_OF_SLOW_S`]. A step is exact but for terms that change within it.
-const LONGEST_S: f64 = 0.5e-3;
-/// The same where no current was measured: a shaft changes more slowly than a current.
-const LONGEST_WITHOUT_CURRENT_S: f64 = 1e-3;
-const LONGEST_OF_SLOW_S: f64 = 2e-3;
-/// A voltage change is a jump from this share of the supply on.
-const LEAP: f64 = 0.1;
-/// From this many standard deviations of the noise on, a first reading differs from zero.
-const NOT_ZERO: f64 = 5.0;
-/// So many ways of cutting are kept: coarse and fine, with and without a shift of the delay.
-const MOST_KEPT: usize = 4;
 
 /// Simulates models on the same data.
 pub struct Replay<'a> {

@@ -2,6 +2,7 @@
 
 use super::replay::{Cut, Piece};
 use super::{Motion, acts_by_angle, inertia_kg_m2};
+use crate::configuration::free_run::run::HELD_KG_M2;
 use crate::dataset::{Dataset, Stretch};
 use motorbench_data::rig;
 use motorbench_model::catalogue::{ActsOn, Balance, Effect, Instant};
@@ -10,9 +11,6 @@ use motorbench_model::pwm_period::Ripple;
 use motorbench_model::{Input, LinearStep, Model, Reached, SAME_LENGTH_S, SwitchedStep, Term};
 use std::collections::VecDeque;
 use std::ops::Range;
-
-/// A held rotor is simulated with this inertia, so that no torque moves it.
-const HELD_KG_M2: f64 = 1e9;
 
 /// Frequency of the PWM that is averaged; the ripple of one whose edges are simulated is not added again.
 fn averaged_hz(data: &Dataset) -> f64 {

@@ -1,25 +1,14 @@
 //! What is known of a motor before its data: the rig file, and the extremes of the data.
 
 use super::unknowns::TORQUE_CONSTANT;
+use crate::configuration::identify::prior::{
+    FRICTION_SPREAD, GUESS_SPREAD, LATE_READINGS_S, SCALE_SPREAD, UNKNOWN_FRICTION_SPREAD, USUAL_TIME_CONSTANTS_S,
+};
+pub use crate::configuration::identify::prior::{GIVEN_DROP_SPREAD_V, NOMINAL_SPREAD};
 use crate::dataset::{Dataset, greatest};
 use motorbench_data::rig::{Bridge, NominalMotor};
 use motorbench_model::Drive;
 use motorbench_model::motor::MotorParameters;
-
-/// Standard deviation of the logarithm of a nominal value.
-pub const NOMINAL_SPREAD: f64 = 0.2;
-/// The same for a value estimated from the data's extremes alone.
-const GUESS_SPREAD: f64 = 1.5;
-/// The same for the scale of all resistances, if no current was measured and no nominal value is given.
-const SCALE_SPREAD: f64 = 2.5;
-/// A nominal viscous friction is little more than an order of magnitude.
-const FRICTION_SPREAD: f64 = 1.0;
-/// The same without a nominal value: viscous friction takes a tenth of a small motor's voltage at most.
-const UNKNOWN_FRICTION_SPREAD: f64 = 5.0;
-/// Standard deviation of a bridge's drop that the rig file gives.
-pub const GIVEN_DROP_SPREAD_V: f64 = 0.3;
-/// Electromechanical and electromagnetic time constant of a small motor, for a start without nominal values.
-const USUAL_TIME_CONSTANTS_S: (f64, f64) = (0.05, 0.001);
 
 /// The prior of the motor.
 #[derive(Clone, Debug)]
@@ -33,9 +22,6 @@ pub struct Prior {
     /// The bridge's drop by the rig file, where the data can show one.
     pub bridge_drop_v: Option<f64>,
 }
-
-/// Where the lateness of readings was followed, this is left of it: on recordings with a known one up to 4 ms.
-const LATE_READINGS_S: f64 = 4e-3;
 
 /// How late a speed is read after its command: one standard deviation of what the rows leave open.
 pub fn lateness_s(data: &Dataset) -> f64 {

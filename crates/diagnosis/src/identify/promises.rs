@@ -2,22 +2,13 @@
 
 use super::sensitivities::{Base, Sensitivities};
 use super::{Fit, dot, square};
+pub use crate::configuration::identify::promises::LEAST_PROMISE;
+use crate::configuration::identify::promises::{MOST_NEIGHBOURS, REFINED, REFINEMENTS, SCREENED, WORTH_A_WALK};
 use crate::dataset::Dataset;
 use crate::free_run::{Replay, Steps};
 use maybe_rayon::prelude::*;
 use motorbench_model::catalogue::{Alone, CATALOGUE, Effect, Scales};
 use nalgebra::{DMatrix, DVector};
-
-/// An expected gain below this, in units of noise, is not worth a fit.
-pub const LEAST_PROMISE: f64 = 20.0;
-/// The starts of this many most promising effects are refined, by this many halvings.
-const REFINED: usize = 8;
-const REFINEMENTS: u8 = 6;
-/// ... or, with this share of the best expected gain, moved to a better neighbour at most this often.
-const WORTH_A_WALK: f64 = 0.1;
-const MOST_NEIGHBOURS: usize = 8;
-/// Of many starts of an effect that responds linearly, so many are simulated whole: the best by its linear response.
-const SCREENED: usize = 3;
 
 /// Expected gain of adding an effect, from the first derivatives alone.
 #[derive(Clone, Debug)]

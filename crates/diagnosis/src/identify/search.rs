@@ -6,15 +6,11 @@ use super::sensitivities::Sensitivities;
 use super::unknown_scale::UnknownScale;
 use super::unknowns::{Unknown, prior_cost, unknowns};
 use super::{Effort, Fit, Prior, square, weighted_residual};
+use crate::configuration::identify::search::{FAR, TRIES};
 use crate::free_run::{Prediction, Replay, Steps};
 use motorbench_model::Model;
 use nalgebra::DVector;
 use std::sync::OnceLock;
-
-/// A step is tried with this many dampings.
-const TRIES: usize = 6;
-/// A step that gains more than this share of the cost needs new sensitivities.
-const FAR: f64 = 0.8;
 
 /// A fit in progress.
 pub(super) struct Search<'a> {

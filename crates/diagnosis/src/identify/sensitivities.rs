@@ -2,18 +2,12 @@
 
 use super::unknown_scale::UnknownScale;
 use super::{Unknown, dot, weighted_residual};
+use crate::configuration::identify::sensitivities::{DIFFERENCE, DIFFERENCE_OVER_EVENTS};
 use crate::free_run::{Motion, Prediction, Replay, Steps, nudged, read};
 use maybe_rayon::prelude::*;
 use motorbench_model::catalogue::{Balance, Effect};
 use motorbench_model::{Model, Term};
 use nalgebra::{DMatrix, DVector};
-
-/// Relative step of the finite differences.
-const DIFFERENCE: f64 = 2e-3;
-/// The same for a model with events that shift in time: long enough to average over several of them, since a single one
-/// misleads. Where every edge of the PWM is simulated, the events of its switching have their own times within a step: there
-/// the usual one is right.
-const DIFFERENCE_OVER_EVENTS: f64 = 4e-2;
 
 /// A simulation that others are compared with.
 pub(super) struct Base<'a> {

@@ -1,13 +1,11 @@
 //! Where in its window a mean speed stands: at the end, or in the middle.
 
 use super::{Effort, Prior, fit, scales};
+use crate::configuration::identify::speed_window::LEAST_SHARE;
 use crate::dataset::Dataset;
 use motorbench_data::rig::NominalMotor;
 use motorbench_model::Model;
 use motorbench_model::catalogue::{USUAL, effect};
-
-/// A window that reaches ahead has to lower the cost to this share: most programs know nothing of what is to come.
-const LEAST_SHARE: f64 = 0.97;
 
 /// The data with that settled by the better fit, where neither the columns nor the rig file say it.
 pub fn with_window_settled(data: Dataset, nominal: &NominalMotor) -> Dataset {

@@ -3,27 +3,13 @@
 use super::sensitivities::Sensitivities;
 use super::unknowns::{INERTIA, Place, VISCOUS_FRICTION, unknowns_of_terms};
 use super::{Fit, Unknown, dot, square, weighted_residual};
+pub use crate::configuration::identify::uncertainty::Z95;
+use crate::configuration::identify::uncertainty::{BLOCKS_S, DIFFERENCE, GUESSED_PWM, SYSTEMATIC};
 use crate::dataset::Dataset;
 use crate::free_run::{Steps, drive, read};
 use motorbench_model::Model;
 use nalgebra::{DMatrix, DVector};
 use std::sync::OnceLock;
-
-/// Residuals further apart than this count as independent. Of several block lengths the one with the widest interval
-/// counts. Longer blocks include model errors that belong to one manner of driving.
-const BLOCKS_S: [f64; 2] = [0.2, 2.0];
-/// Relative error (one standard deviation) of the motor's constants from the model's simplifications other than its
-/// steps, such as readings at an instant. It was measured on benches with known constants. Effects add theirs, see
-/// [`motorbench_model::catalogue::Simplification`].
-const SYSTEMATIC: f64 = 7e-4;
-/// The same for an effect's constants if the PWM frequency was assumed: it comes from a list, and the shaft is assumed
-/// to turn evenly within its period.
-const GUESSED_PWM: f64 = 3e-3;
-
-/// Half an interval of 95 % in standard errors.
-pub const Z95: f64 = 1.96;
-/// Step of the derivatives of a quantity, in coordinates of the fit.
-const DIFFERENCE: f64 = 1e-5;
 
 /// A fitted constant and its interval.
 #[derive(Clone, Copy, Debug)]

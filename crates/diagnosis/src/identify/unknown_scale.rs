@@ -12,21 +12,12 @@
 
 use super::dot;
 use super::unknowns::{Place, Unknown, prior_cost};
+use crate::configuration::identify::unknown_scale::{CLOSENESS, DIFFERENCE, ROUNDING, SECTION, WIDEST};
 use crate::dataset::Dataset;
 use motorbench_model::motor::MotorParameters;
 use motorbench_model::unit::Quantity;
 use motorbench_model::{Drive, Model, Term};
 use nalgebra::DVector;
-
-/// Golden section.
-const SECTION: f64 = 0.618_033_988_749_895;
-/// Logarithm of the greatest factor looked at, and how closely the best one is found.
-const WIDEST: f64 = 4.0;
-const CLOSENESS: f64 = 1e-4;
-/// Coordinates that differ by less, or by this share, are the same.
-const ROUNDING: f64 = 1e-9;
-/// Step for the derivatives of the coordinates.
-const DIFFERENCE: f64 = 1e-6;
 
 /// Whether nothing measured has the scale of the torques in it.
 pub fn has_unknown_torque_scale(data: &Dataset) -> bool {

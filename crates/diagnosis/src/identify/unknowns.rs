@@ -1,15 +1,11 @@
 //! The numbers that a fit moves: where they stand in the model, their scale, their limits and their priors.
 
 use super::{GIVEN_DROP_SPREAD_V, Prior, scales, scales_all_torques};
+use crate::configuration::identify::unknowns::{LEAST_OF_START, SLOWEST};
 use crate::dataset::Dataset;
 use motorbench_model::catalogue::{Effect, Parameter, Scales, VOLTAGE_DROP};
 use motorbench_model::motor::MotorParameters;
 use motorbench_model::{Model, Term};
-
-/// A constant that selects another law at zero is limited to this share of its start.
-const LEAST_OF_START: f64 = 0.01;
-/// A process longer than this many recordings cannot be told from a constant contribution.
-const SLOWEST: f64 = 5.0;
 
 /// Places of [`motor_values`].
 pub(super) const TORQUE_CONSTANT: usize = 2;

@@ -8,6 +8,9 @@
 use super::Winding;
 use super::line::{Errors, Line, Noise, left_out, rms};
 use super::{Level, NEEDED_SIGMAS, errors};
+use crate::configuration::steady_state::explanation::{
+    DOUBTED_SIGMAS, HELD_AS_TURNING, MOST_TERMS, OTHER_POSITION, RARE,
+};
 use crate::diagnose::outcome::Estimate;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -49,18 +52,6 @@ pub(super) const TERMS: [Term; 4] = [
         is_resistance: false,
     },
 ];
-/// A resistance that grows with speed is rare in a motor. It is named only if constant parameters do not hold.
-const RARE: usize = 3;
-/// A table cannot determine more terms than this.
-const MOST_TERMS: usize = 3;
-/// An explanation that lacks a term at this many standard errors ranks behind one of the same size that lacks none.
-/// That is too little to name the term, but enough to prefer the other.
-const DOUBTED_SIGMAS: f64 = 2.0;
-
-/// Spread of the resistance over rotor positions: the brushes touch other segments.
-const OTHER_POSITION: f64 = 0.1;
-/// A held and a turning winding agree to this share: one is warmer, and its brushes slide.
-const HELD_AS_TURNING: f64 = 0.02;
 
 /// An explanation of the missing voltage.
 #[derive(Clone, Debug, Serialize)]

@@ -1,13 +1,9 @@
 //! Fits that are linear in few constants, with their uncertainty.
 
+use crate::configuration::steady_state::line::{MOST_SIGMAS, SAME_COLUMNS};
 use crate::diagnose::outcome::Estimate;
 use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ContinuousCDF, Normal, StudentsT};
-
-/// Columns whose smallest singular value is below this share of the largest are linearly dependent.
-const SAME_COLUMNS: f64 = 1e-9;
-/// Largest number of standard errors that double precision can represent as a probability.
-const MOST_SIGMAS: f64 = 37.0;
 
 /// Standard errors of the points of a line, one a point.
 #[derive(Clone, Debug)]

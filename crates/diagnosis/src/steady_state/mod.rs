@@ -11,6 +11,10 @@ mod rest;
 mod signs;
 mod winding;
 
+pub use crate::configuration::steady_state::FEWEST_LEVELS;
+use crate::configuration::steady_state::{
+    ALIKE_SHARE, NEARLY_AT_REST, NEEDED_SIGMAS, ONE_READING, ROUNDED, SAME_LEVEL, UNDRIVEN,
+};
 pub use explanation::Explanation;
 use explanation::{TERMS, explanations};
 pub use line::{Errors, Line};
@@ -30,25 +34,6 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 pub use winding::Winding;
-
-/// Readings whose voltages differ by less than this share of the greatest are one level.
-const SAME_LEVEL: f64 = 0.005;
-/// Fewer levels cannot determine a line.
-pub const FEWEST_LEVELS: usize = 3;
-/// A term is needed if it is this many standard errors from zero.
-const NEEDED_SIGMAS: f64 = 3.0;
-/// Levels of one test agree to this share of the voltage: winding and grease warm from one to the next. A smaller rest
-/// is not named.
-const ALIKE_SHARE: f64 = 0.01;
-/// Rows whose back-EMF is less than this share of the voltage: the rotor is held or hardly turns.
-const NEARLY_AT_REST: f64 = 0.05;
-/// Rows at less than this share of the greatest voltage: nothing drives the motor, and the current is the offset of its
-/// sensor.
-const UNDRIVEN: f64 = SAME_LEVEL;
-/// A single reading may be off by this share; only the ratios of such errors matter.
-const ONE_READING: f64 = 0.01;
-/// Readings that agree to more digits than this are rounded.
-const ROUNDED: f64 = 1e-6;
 
 /// Means of the readings at one voltage under one load, and what follows from them.
 #[derive(Clone, Copy, Debug, Serialize)]

@@ -2,6 +2,7 @@
 
 use super::line::{Errors, Line, rms};
 use super::{ALIKE_SHARE, Explanation, Friction, Level, NEEDED_SIGMAS};
+use crate::configuration::steady_state::rest::{AS_WELL, LEAST_SHARE, LEVELS_TOO_MANY, MOST_POWERS};
 use crate::diagnose::outcome::{RmseGain, Unexplained};
 use crate::diagnose::{LEAST_OF_REST, NOTHING_SEEN};
 use motorbench_model::catalogue::ActsOn;
@@ -16,15 +17,6 @@ const AXES: [(&str, Column); 4] = [
     ("current", |level| level.i_A),
     ("load", |level| level.load_Nm),
 ];
-/// Powers of the curve through it, and the levels needed beyond its constants: few levels allow no more than a
-/// parabola.
-const MOST_POWERS: usize = 4;
-const LEVELS_TOO_MANY: usize = 3;
-/// With few levels any curve explains something. A rest depends on a column if a curve explains half of it...
-const LEAST_SHARE: f64 = 0.5;
-/// ... and on another as well that explains all but this share: without a load voltage, speed and current change
-/// together.
-const AS_WELL: f64 = 0.05;
 
 /// The rest of one balance.
 pub(super) struct Rest {

@@ -4,6 +4,11 @@ use super::{
     Chooser, Gain, LEAST_SHARE, MOST_EFFECTS, NEAR, SAME_SHARE, SAME_SIGMAS, Standing, has_evidence, is_same,
     is_very_strong,
 };
+pub(in crate::diagnose) use crate::configuration::diagnose::select_backward::NAMED_SIGMAS;
+use crate::configuration::diagnose::select_backward::{
+    ALONE_SIGMAS, CONFIRMED_SIGMAS, GAINED_BY_ANY, IMPLAUSIBLE_SQUARES, LEFT_BY_ANY, MATTERS_SHARE, OTHER_LAW_SIGMAS,
+    OTHER_NUMBERS, RIVAL_SHARE, RIVALS, SPOILT,
+};
 use crate::dataset::Measured;
 use crate::diagnose::data_sheet::squared_deviations;
 use crate::diagnose::judge::{NOT_NOISE, VERY_STRONG_NATS, evidence_nats};
@@ -11,34 +16,6 @@ use crate::identify::{Effort, Fit, scales};
 use maybe_rayon::prelude::*;
 use motorbench_model::catalogue::{Alone, CATALOGUE, Effect, INDUCTANCE, Parameter, USUAL, effect};
 use motorbench_model::{Model, Term};
-
-/// Significance needed to name an effect, all others being present. Many effects are tried, and residuals have long
-/// tails. Right names have more than ten on generated benches.
-pub(in crate::diagnose) const NAMED_SIGMAS: f64 = 6.0;
-/// Evidence names an effect that explains at least this share of the remaining error: a smaller one may be what another law
-/// leaves out.
-const MATTERS_SHARE: f64 = 0.1;
-/// Held-out data confirm what the seen data show with very strong evidence from this significance on: once in forty times by
-/// chance.
-const CONFIRMED_SIGMAS: f64 = 2.0;
-/// Significance of an effect whose usual companion is absent; wrong names had ten.
-const ALONE_SIGMAS: f64 = 50.0;
-/// A similar law outside the catalogue is the better one with this significance, however small its gain.
-const OTHER_LAW_SIGMAS: f64 = 3.0;
-/// An effect that raises the error of one quantity by this factor beyond the noise explains another quantity at its
-/// cost.
-const SPOILT: f64 = 1.5;
-/// Number of rivals fitted in place of an effect. Beside the best, only those that promise this share of its gain.
-const RIVALS: usize = 3;
-const RIVAL_SHARE: f64 = 0.7;
-/// If a model without the effect needs this many more squared deviations from the data sheet, that counts for the
-/// effect: it is likelier than such a motor.
-const IMPLAUSIBLE_SQUARES: f64 = 18.0;
-/// For a wave, this many other numbers of periods are tried. It is rejected if more than half of them gain this share
-/// of its gain and leave less than this multiple of its rest.
-const OTHER_NUMBERS: usize = 6;
-const GAINED_BY_ANY: f64 = 0.5;
-const LEFT_BY_ANY: f64 = 2.0;
 
 /// Whether the evidence of the seen data names an effect that the held-out data confirm, however few blocks of them it shows
 /// in.

@@ -2,27 +2,15 @@
 
 use super::backward::names_by_evidence;
 use super::{Chooser, Gain, MOST_EFFECTS, Step, Way, has_evidence};
+use crate::configuration::diagnose::select_forward::{
+    AT_A_TIME, LEAST_COST_WITHOUT_EVIDENCE, MOST_WITHOUT_EVIDENCE, NEARLY_AS_PROMISING, NOT_THERE_YET, TRIED,
+    TRIED_SHARE,
+};
 use crate::diagnose::judge::{NOT_NOISE, above_floor, above_noise, evidence_nats};
 use crate::identify::{Effort, Fit, scales};
 use maybe_rayon::prelude::*;
 use motorbench_model::catalogue::{ActsOn, CATALOGUE, Effect, Scales, USUAL};
 use motorbench_model::{Model, Term};
-
-/// Number of candidates fitted at each step, the most promising ones, and those that promise nearly as much as the best: a
-/// promise is of the first order.
-const TRIED: usize = 4;
-const NEARLY_AS_PROMISING: f64 = 0.7;
-/// At each step only effects that promise this share of the best one's promise are fitted.
-const TRIED_SHARE: f64 = 0.2;
-/// While a rest remains, this many effects are added without evidence: two that hide each other show it only together.
-const MOST_WITHOUT_EVIDENCE: usize = 3;
-/// They have to lower the cost to this share.
-const LEAST_COST_WITHOUT_EVIDENCE: f64 = 0.9;
-/// If the cost falls to this share but rises in places, the fit has not converged yet.
-const NOT_THERE_YET: f64 = 0.5;
-
-/// Number of starts that are fitted before what they reached limits the next ones, or ends the search.
-const AT_A_TIME: usize = 6;
 
 /// The rule for the next effect.
 #[derive(Clone, Copy, PartialEq, Eq)]

@@ -1,12 +1,10 @@
 //! An inductance far above the nominal one is likelier an effect that looks like it.
 
 use super::Chooser;
+use crate::configuration::diagnose::select_winding::HELD_SPREAD;
 use crate::diagnose::data_sheet::excessive_inductance_h;
 use crate::identify::{Effort, Fit, fit, scales};
 use motorbench_model::catalogue::{INDUCTANCE, effect};
-
-/// Spread of the logarithm of an inductance that is held fixed.
-const HELD_SPREAD: f64 = 0.01;
 
 impl Chooser<'_> {
     /// In place of an implausible inductance: an effect that looks like it, if it explains as much.

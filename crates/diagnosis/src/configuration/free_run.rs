@@ -1,0 +1,23 @@
+//! The simulation in free run.
+
+/// [`crate::free_run::replay`].
+pub(crate) mod replay {
+    /// Longest step for a recording of many rows; one with fewer takes a tenth of its interval, at most
+    /// [`LONGEST_OF_SLOW_S`]. A step is exact but for terms that change within it.
+    pub const LONGEST_S: f64 = 0.5e-3;
+    /// The same where no current was measured: a shaft changes more slowly than a current.
+    pub const LONGEST_WITHOUT_CURRENT_S: f64 = 1e-3;
+    pub const LONGEST_OF_SLOW_S: f64 = 2e-3;
+    /// A voltage change is a jump from this share of the supply on.
+    pub const LEAP: f64 = 0.1;
+    /// From this many standard deviations of the noise on, a first reading differs from zero.
+    pub const NOT_ZERO: f64 = 5.0;
+    /// So many ways of cutting are kept: coarse and fine, with and without a shift of the delay.
+    pub const MOST_KEPT: usize = 4;
+}
+
+/// [`crate::free_run::run`].
+pub(crate) mod run {
+    /// A held rotor is simulated with this inertia, so that no torque moves it.
+    pub const HELD_KG_M2: f64 = 1e9;
+}
