@@ -4,114 +4,18 @@
 //! duty; they differ by what is hidden alone. Balances are checked at the ends of its stairs, where nothing
 //! accelerates.
 
+mod recorded;
+
 use hidden_effects::{Channels, Effect, Excitation, Recipe, Trial, draw};
+use recorded::{
+    Columns, STAIRS, STANDSTILL, Steady, columns, constant, lost_nm, lost_v, mean, moving_stairs, recorded, rig_value,
+    rms, rows, stall_nm, steady,
+};
 use std::cell::Cell;
 use std::f64::consts::TAU;
 use std::ops::Range;
 
 const SEEDS: Range<u64> = 1..4;
-/// Stairs of the staircase, and the two of them at which the duty is zero.
-const STAIRS: usize = 10;
-const STANDSTILL: [usize; 2] = [4, 9];
-
-/// Columns of a full recording.
-struct Columns {
-    time_s: Vec<f64>,
-    duty: Vec<f64>,
-    voltage_v: Vec<f64>,
-    counts: Vec<f64>,
-    speed_rad_per_s: Vec<f64>,
-    current_a: Vec<f64>,
-}
-
-fn staircase(effects: &[Effect]) -> Recipe {
-    Recipe { excitation: Excitation::Staircase, ..Recipe::of(effects) }
-}
-
-fn rows(csv: &str) -> Vec<Vec<f64>> {
-    csv.lines().skip(1).map(|line| line.split(',').map(|cell| cell.parse().unwrap()).collect()).collect()
-}
-
-fn columns(trial: &Trial) -> Columns {
-    let rows = rows(&trial.csv);
-    let column = |index: usize| rows.iter().map(|row| row[index]).collect();
-    Columns {
-        time_s: column(0),
-        duty: column(1),
-        voltage_v: column(2),
-        counts: column(3),
-        speed_rad_per_s: column(4),
-        current_a: column(5),
-    }
-}
-
-fn recorded(seed: u64, effects: &[Effect]) -> (Trial, Columns) {
-    let trial = draw(seed, &staircase(effects));
-    let columns = columns(&trial);
-    (trial, columns)
-}
-
-fn constant(trial: &Trial, effect: Effect, name: &str) -> f64 {
-    let (_, constants) = trial.truth.effects.iter().find(|(present, _)| *present == effect).unwrap();
-    constants.iter().find(|(other, _)| *other == name).unwrap().1
-}
-
-fn rig_value(trial: &Trial, key: &str) -> f64 {
-    let line = trial.rig_toml.lines().find(|line| line.starts_with(&format!("{key} ="))).unwrap();
-    line.split('=').nth(1).unwrap().trim().parse().unwrap()
-}
-
-fn mean(values: &[f64]) -> f64 {
-    values.iter().sum::<f64>() / values.len() as f64
-}
-
-fn rms(values: impl Iterator<Item = f64>) -> f64 {
-    let squares: Vec<f64> = values.map(|value| value * value).collect();
-    mean(&squares).sqrt()
-}
-
-/// Means over the last quarter of a stair.
-#[derive(Clone, Copy, Debug)]
-struct Steady {
-    time_s: f64,
-    duty: f64,
-    voltage_v: f64,
-    speed_rad_per_s: f64,
-    current_a: f64,
-}
-
-fn steady(columns: &Columns, stair: usize) -> Steady {
-    let length = columns.time_s.len() / STAIRS;
-    let range = stair * length + 3 * length / 4..(stair + 1) * length;
-    Steady {
-        time_s: mean(&columns.time_s[range.clone()]),
-        duty: mean(&columns.duty[range.clone()]),
-        voltage_v: mean(&columns.voltage_v[range.clone()]),
-        speed_rad_per_s: mean(&columns.speed_rad_per_s[range.clone()]),
-        current_a: mean(&columns.current_a[range]),
-    }
-}
-
-fn moving_stairs(columns: &Columns) -> Vec<Steady> {
-    (0..STAIRS).filter(|stair| !STANDSTILL.contains(stair)).map(|stair| steady(columns, stair)).collect()
-}
-
-fn stall_nm(trial: &Trial) -> f64 {
-    trial.truth.motor.torque_constant_nm_per_a * rig_value(trial, "voltage_V") / trial.truth.motor.resistance_ohm
-}
-
-/// Torque that the linear motor does not account for.
-fn lost_nm(trial: &Trial, at: Steady) -> f64 {
-    let motor = trial.truth.motor;
-    motor.torque_constant_nm_per_a * at.current_a - motor.viscous_friction_nm_s * at.speed_rad_per_s
-}
-
-/// Voltage that the linear motor does not account for.
-fn lost_v(trial: &Trial, at: Steady) -> f64 {
-    let motor = trial.truth.motor;
-    at.voltage_v - motor.resistance_ohm * at.current_a - motor.torque_constant_nm_per_a * at.speed_rad_per_s
-}
-
 /// The torque balance at every stair that moves, to half a percent of the stall torque.
 fn assert_torque(effects: &[Effect], expected_nm: impl Fn(&Trial, Steady) -> f64) {
     for seed in SEEDS {
