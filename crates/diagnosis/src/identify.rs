@@ -162,10 +162,9 @@ fn located(model: &Model, replay: &Replay, term: usize, index: usize, spacing: f
             let here = cost(value);
             if here < least {
                 (best, least) = (value, here);
-                break;
             }
         }
-        distance *= 0.5;
+        distance *= 0.6;
     }
     let mut found = model.clone();
     found.terms[term].values[index] = best;
@@ -248,5 +247,52 @@ impl Fit {
     /// How many constants it has moved.
     pub fn moved(&self) -> usize {
         self.unknowns.len()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use motorbench_data::recording::Recording;
+    use motorbench_data::rig::Rig;
+    use motorbench_model::catalogue::effect;
+    use std::fmt::Write as _;
+
+    /// A motor with a dry friction, stepped by Euler's method, with a current and a speed that are noisy.
+    fn stepped(friction_nm: f64) -> (Dataset, Prior) {
+        let mut csv = String::from("t_s,u_V,omega_rad_per_s,i_A\n");
+        let (mut speed, mut current) = (0.0_f64, 0.0_f64);
+        for row in 0..4000_usize {
+            let volts = [8.0, -8.0, 4.0, -4.0, 10.0, 0.0, -10.0, 2.0][row / 250 % 8];
+            let noise = |prime: usize| (row * prime % 101) as f64 / 101.0 - 0.5;
+            let _ = writeln!(
+                csv,
+                "{:.3},{volts},{:.4},{:.5}",
+                row as f64 * 1e-3,
+                speed + 0.5 * noise(37),
+                current + 0.02 * noise(59)
+            );
+            for _ in 0..20 {
+                current += 5e-5 * (volts - 5.8 * current - 0.07 * speed) / 3e-3;
+                let free = speed + 5e-5 * (0.07 * current - 6e-6 * speed) / 4e-5;
+                let lost = 5e-5 * friction_nm / 4e-5;
+                speed = if free.abs() <= lost { 0.0 } else { free - lost * free.signum() };
+            }
+        }
+        let rig = Rig::parse("rig.toml", "[supply]\nvoltage_V = 12\n").unwrap();
+        let data = Dataset::new(&[Recording::parse("run.csv", csv.as_bytes(), &[]).unwrap()], &rig).unwrap();
+        let prior = Prior::new(&rig.motor, &data);
+        (data, prior)
+    }
+
+    /// A friction cannot be less than none. Where there is none, that bound decides.
+    #[test]
+    fn a_constant_that_is_not_there_reaches_its_bound() {
+        for (friction_nm, reaches) in [(6e-3, false), (0.0, true)] {
+            let (data, prior) = stepped(friction_nm);
+            let model = Model::linear(prior.motor).with(effect("coulomb_friction").unwrap(), vec![3e-3]);
+            let found = fit(&model, &data, &prior, Effort::FULL);
+            assert_eq!(found.reaches_a_bound(&data, 0), reaches, "{friction_nm}: {:?}", found.model);
+        }
     }
 }

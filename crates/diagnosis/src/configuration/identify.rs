@@ -39,8 +39,10 @@ pub(crate) mod promises {
 
 /// [`crate::identify::search`].
 pub(crate) mod search {
-    /// A step is tried with this many dampings.
+    /// A step is tried with this many dampings, and with this many while the sensitivities are only corrected. If these fail,
+    /// the correction has failed, and a shorter step would hide it.
     pub const TRIES: usize = 6;
+    pub const TRIES_CORRECTED: usize = 3;
     /// A step that gains more than this share of the cost needs new sensitivities.
     pub const FAR: f64 = 0.8;
 }

@@ -6,7 +6,7 @@ use super::sensitivities::Sensitivities;
 use super::unknown_scale::UnknownScale;
 use super::unknowns::{Unknown, prior_cost, unknowns};
 use super::{Effort, Fit, Prior, square, weighted_residual};
-use crate::configuration::identify::search::{FAR, TRIES};
+use crate::configuration::identify::search::{FAR, TRIES, TRIES_CORRECTED};
 use crate::free_run::{Prediction, Replay, Steps};
 use motorbench_model::Model;
 use nalgebra::DVector;
@@ -29,6 +29,13 @@ struct Point {
     prediction: Prediction,
     residual: Vec<f64>,
     cost: f64,
+}
+
+/// A step that was taken.
+struct Taken {
+    before: Point,
+    /// Whether a longer one was no better.
+    is_shortened: bool,
 }
 
 /// Sensitivities, and whether they belong to this point or are corrected ones of another.
@@ -97,7 +104,7 @@ impl<'a> Search<'a> {
         loop {
             let left = self.step(&mut known);
             self.settle();
-            let Some(before) = left else {
+            let Some(Taken { before, is_shortened }) = left else {
                 if known.is_simulated {
                     return Some(known.sensitivities);
                 }
@@ -110,7 +117,8 @@ impl<'a> Search<'a> {
                     // So near the end they no longer change.
                     return Some(known.sensitivities);
                 }
-                if effort.is_a_look {
+                // A short step gains little anywhere.
+                if effort.is_a_look && !is_shortened {
                     return None;
                 }
                 // Corrected sensitivities may have lost a direction.
@@ -148,11 +156,10 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// One step; returns the previous point, `None` if no step is better. Corrected sensitivities learn from each step that
-    /// is not.
-    fn step(&mut self, known: &mut Known) -> Option<Point> {
+    /// One step; `None` if no step is better. Corrected sensitivities learn from each step that is not.
+    fn step(&mut self, known: &mut Known) -> Option<Taken> {
         let before = self.damping;
-        for _ in 0..TRIES {
+        for tried in 0..if known.is_simulated { TRIES } else { TRIES_CORRECTED } {
             let Some(step) = self.damped_step(&known.sensitivities) else {
                 self.damping = (self.damping * 10.0).max(1e-6);
                 continue;
@@ -160,7 +167,8 @@ impl<'a> Search<'a> {
             let there = Point::new(self.stepped(&step), self.replay, &self.unknowns);
             if there.cost < self.at.cost {
                 self.damping = (self.damping * 0.2).max(1e-9);
-                return Some(std::mem::replace(&mut self.at, there));
+                let before = std::mem::replace(&mut self.at, there);
+                return Some(Taken { before, is_shortened: tried > 0 });
             }
             if !known.is_simulated && there.cost.is_finite() {
                 self.correct(known, &self.at, &there);
