@@ -60,18 +60,33 @@ impl<L: Line> Link<L> {
     }
 
     /// Repeats a line until an answer comes whole, as long as the line loses only some of them. A refused line had no
-    /// effect: it is sent again, as it may have been damaged on the way.
+    /// effect: it is sent again, as it may have been damaged on the way. So the board has refused it when it says the same
+    /// several times while nothing is lost.
     pub(super) fn ask_again(&mut self, line: &str) -> Result<Vec<String>, BoardError> {
+        let before = self.losses();
+        let (mut refusal, mut said) = (String::new(), 0);
         for tried in 1.. {
-            let asked = self.ask_noting_losses(line);
+            let (asked, is_lossy) = self.ask_noting_losses(line);
             let again = match &asked {
-                (Ok(lines), is_lossy) => *is_lossy && lines.iter().any(|line| line.contains(GAP)),
-                (Err(BoardError::Refused { .. }), is_lossy) => tried < TRIES || *is_lossy,
-                (Err(_), is_lossy) => *is_lossy,
+                Ok(lines) => is_lossy && lines.iter().any(|line| line.contains(GAP)),
+                Err(BoardError::Refused { reply, .. }) => {
+                    if !is_lossy {
+                        said = if *reply == refusal { said + 1 } else { 1 };
+                        refusal.clone_from(reply);
+                    }
+                    said < TRIES
+                }
+                Err(_) => is_lossy,
             };
-            if !again || tried >= LOSSY_TRIES {
-                return asked.0;
+            if again && tried < LOSSY_TRIES {
+                continue;
             }
+            return match asked {
+                Err(refused @ BoardError::Refused { .. }) if again && self.losses() != before => {
+                    Err(damaged_line(self.losses(), &refused.to_string()))
+                }
+                asked => asked,
+            };
         }
         unreachable!("the loop only ends by its return")
     }
