@@ -151,9 +151,11 @@ const NO_CHOICE: [&str; 9] =
 
 /// The name of the constant that a line defines, if it is a number, or several.
 fn number(line: &str) -> Option<&str> {
-    let line = line.trim_start();
-    let visibility = ["pub ", "pub(crate) ", "pub(super) "].into_iter().find(|words| line.starts_with(words));
-    let (name, of) = line[visibility.map_or(0, str::len)..].strip_prefix("const ")?.split_once(": ")?;
+    let (visibility, constant) = line.trim_start().split_once("const ")?;
+    if !visibility.is_empty() && !visibility.starts_with("pub") {
+        return None;
+    }
+    let (name, of) = constant.split_once(": ")?;
     let (kind, _) = of.split_once(" = ")?;
     ["f64", "usize", "u8", "u32", "u64", "i32", "i64"].iter().any(|number| kind.contains(number)).then_some(name)
 }

@@ -225,22 +225,22 @@ impl Fit {
     /// Whether a fitted constant of a term is at the end of its range, where its law becomes another one or makes no
     /// sense.
     pub fn is_at_a_bound(&self, term: usize) -> bool {
-        let at_a_bound = |unknown: &Unknown| {
-            let value = unknown.get(&self.model) * unknown.size;
-            matches!(unknown.place, Place::Term(of, _) if of == term) && (value <= unknown.min || value >= unknown.max)
-        };
-        self.unknowns.iter().any(at_a_bound)
+        self.is_near_a_bound(term, |_| 0.0)
     }
 
     /// Whether a fitted constant of a term is within its standard error of the end of its range. There the range decides on
     /// the constant, and evidence by the curvature of the cost (Laplace's approximation) does not hold.
     pub fn reaches_a_bound(&self, data: &Dataset, term: usize) -> bool {
         let (_, inverse) = self.sensitivities(data);
+        self.is_near_a_bound(term, |index| inverse[(index, index)].max(0.0).sqrt())
+    }
+
+    /// Whether a fitted constant of a term is within `distance` of a bound. That is in coordinates of the fit, by its index.
+    fn is_near_a_bound(&self, term: usize, distance: impl Fn(usize) -> f64) -> bool {
         self.unknowns.iter().enumerate().any(|(index, unknown)| {
-            let value = unknown.get(&self.model) * unknown.size;
-            let error = inverse[(index, index)].max(0.0).sqrt() * unknown.size;
+            let (value, distance) = (unknown.get(&self.model) * unknown.size, distance(index) * unknown.size);
             matches!(unknown.place, Place::Term(of, _) if of == term)
-                && (value - error <= unknown.min || value + error >= unknown.max)
+                && (value - distance <= unknown.min || value + distance >= unknown.max)
         })
     }
 
