@@ -199,7 +199,9 @@ fn readings_that_wait_in_a_buffer_are_compared_at_their_own_time() {
     }
 }
 
-/// Without a current, a command that acts late by a few milliseconds looks like a slow winding. The rig file knows the winding.
+/// Without a current, a command that acts late by a few milliseconds looks like a slow winding. The rig file knows the
+/// winding. The program sends two commands for each row that it writes, so the steps and the sine at the end seem to act
+/// late by times that differ: that is no second clock.
 #[test]
 fn a_late_command_is_no_slow_winding() {
     let seed = fresh_seed();

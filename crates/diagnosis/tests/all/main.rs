@@ -21,9 +21,13 @@ mod unknown_effects;
 
 use std::time::{SystemTime, UNIX_EPOCH};
 
-/// Another one in each run.
+/// Another one in each run, or that of `MOTORBENCH_SEED`, to repeat a run that failed.
 fn fresh_seed() -> u64 {
-    let seed = SystemTime::now().duration_since(UNIX_EPOCH).expect("it is after 1970").as_nanos() as u64;
+    let of_the_time = || SystemTime::now().duration_since(UNIX_EPOCH).expect("it is after 1970").as_nanos() as u64;
+    let seed = match std::env::var("MOTORBENCH_SEED") {
+        Ok(given) => given.parse().expect("MOTORBENCH_SEED is a whole number"),
+        Err(_) => of_the_time(),
+    };
     println!("seed {seed}");
     seed
 }
