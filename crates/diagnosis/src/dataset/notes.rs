@@ -10,6 +10,13 @@ use motorbench_text::terminal_text::short;
 /// Note on commands that changed between rows.
 const BETWEEN_ROWS: &str = "The commands changed between rows. The times of these changes were estimated from the readings, also in the held-out data. The intervals do not contain that uncertainty. Write a row for each command. [recording] command_delay_s = 0 in the rig file takes the rows as they are.";
 
+/// Note on commands of which the rows hold only some.
+fn smooth_earlier(share: f64) -> String {
+    format!(
+        "Where the command changes smoothly, it acts {share} of a row before its row: the program seems to send more commands than it writes rows. Write a row for each command. [recording] command_delay_s in the rig file takes the rows as they are."
+    )
+}
+
 /// Note on an angle that was estimated from a tachogenerator.
 const BY_RIPPLE: &str = "The angle of the shaft was estimated from the ripple of the speed, also in the held-out data. The integral of the speed is too noisy for it. An encoder would measure it.";
 
@@ -62,8 +69,10 @@ impl Dataset {
             notes.push(row_order::WRITTEN_AFTER.into());
         }
         notes.extend(self.origin.late_readings.map(|late| late.note()));
-        if self.has_moments() {
-            notes.push(BETWEEN_ROWS.into());
+        match self.origin.smooth_earlier {
+            Some(share) => notes.push(smooth_earlier(share)),
+            None if self.has_moments() => notes.push(BETWEEN_ROWS.into()),
+            None => (),
         }
         if let Some(Stretch { window, interval_s, .. }) = self.stretches.first()
             && self.motion().output == Output::MeanSpeed

@@ -68,6 +68,8 @@ pub struct Origin {
     pub current_window_s: f64,
     /// Whether each row was written after its command had acted; the commands here have been moved.
     pub written_after: bool,
+    /// Share of a row by which smooth commands act before their rows, where a program sends more commands than it writes.
+    pub smooth_earlier: Option<f64>,
     /// Whether an encoder counts the motion.
     pub is_counted: bool,
     /// Stops of the counter...

@@ -18,10 +18,21 @@ impl Dataset {
 
     /// With commands that changed in the middle before these rows.
     pub fn with_commands_between(&self, rows: &[usize]) -> Self {
+        self.with_commands_earlier(rows, 0.5)
+    }
+
+    /// With smooth commands that changed before these rows, by a share of the time since the row before.
+    pub fn with_smooth_commands_earlier(&self, rows: &[usize], share: f64) -> Self {
+        let mut other = self.with_commands_earlier(rows, share);
+        other.origin.smooth_earlier = Some(share);
+        other
+    }
+
+    fn with_commands_earlier(&self, rows: &[usize], share: f64) -> Self {
         let mut other = self.clone();
         other.earlier_s = vec![0.0; self.len()];
         for row in rows.iter().copied() {
-            other.earlier_s[row] = 0.5 * (self.time_s[row] - self.time_s[row - 1]);
+            other.earlier_s[row] = share * (self.time_s[row] - self.time_s[row - 1]);
         }
         other
     }

@@ -151,21 +151,10 @@ pub(super) fn is_order_of_rows(id: &str, data: &Dataset, model: &Model) -> bool 
 pub(super) fn waits_for_the_pwm(id: &str, data: &Dataset, model: &Model) -> bool {
     let is_late = |term: &Term| {
         let late_s = term.effect.delay_s(&term.values);
-        (f64::MIN_POSITIVE..1.0 / data.origin.pwm_hz).contains(&late_s.max(grown_s(term, data)))
+        let grown_s = term.effect.delay_growth(&term.values).abs() * data.span_s();
+        (f64::MIN_POSITIVE..1.0 / data.origin.pwm_hz).contains(&late_s.max(grown_s))
     };
     data.origin.pwm_is_known && data.axis.drive.is_voltage() && model.term(id).is_some_and(is_late)
-}
-
-/// By how much an effect changes the lateness of the commands over the recording.
-fn grown_s(term: &Term, data: &Dataset) -> f64 {
-    term.effect.delay_growth(&term.values).abs() * data.span_s()
-}
-
-/// Whether an effect is a lateness of the commands that changes by less than a row over the recording. A program may send
-/// more commands than it writes rows, so a row does not say when within it a command acts: of a step otherwise than of a
-/// sine.
-pub(super) fn drifts_within_a_row(id: &str, data: &Dataset, model: &Model) -> bool {
-    model.term(id).is_some_and(|term| (f64::MIN_POSITIVE..data.interval_s).contains(&grown_s(term, data)))
 }
 
 /// Whether a wrong value is an inductance that may come from an assumed PWM frequency, averaging window or command
@@ -204,12 +193,6 @@ mod tests {
         ] {
             let model = Model::linear(MotorParameters::PIVT6).with(effect(id).unwrap(), vec![value]);
             assert_eq!(waits_for_the_pwm(id, &data, &model), belongs, "{id} {value}");
-        }
-        for (id, value, is_within) in
-            [("actuation_delay", 0.003, false), ("clock_drift", -190.0, true), ("clock_drift", 210.0, false)]
-        {
-            let model = Model::linear(MotorParameters::PIVT6).with(effect(id).unwrap(), vec![value]);
-            assert_eq!(drifts_within_a_row(id, &data, &model), is_within, "{id} {value}");
         }
     }
 }

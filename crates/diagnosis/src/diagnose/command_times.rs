@@ -2,20 +2,23 @@
 //! often as it writes rows; a program that times its steps and its rows by two clocks. The rows give the command, but
 //! not since when it acts; the motion shows that.
 
-use super::judge::{NOT_NOISE, above_floor};
+use super::judge::{AS_GOOD, NOT_NOISE, above_floor};
 pub(super) use crate::configuration::diagnose::command_times::LEAST_GAIN;
 use crate::configuration::diagnose::command_times::{
-    ANSWER_S, CLOSER, LEAST_CHANGE, LEAST_GAIN_OF_CLOSE_ROWS, RARELY, ROUNDS, SHIFT, SHORTEST_ROW_S,
+    ANSWER_S, CLOSER, EARLIER, LEAST_CHANGE, LEAST_GAIN_OF_CLOSE_ROWS, RARELY, ROUNDS, SHIFT, SHORTEST_ROW_S,
 };
 use crate::dataset::{Dataset, LONG_ROW};
 use crate::free_run::free_run;
 use crate::identify::{Effort, Fit, Prior, fit};
-use motorbench_model::{Drive, Model};
+use maybe_rayon::prelude::*;
+use motorbench_model::{Drive, Model, Term};
+use std::ops::Range;
 
 /// Estimates when the commands changed, if that explains most of the rest. Returns whether it did.
 pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {
-    // A measured current is no command.
-    if above_floor(data, found) < NOT_NOISE || data.axis.drive == Drive::Current {
+    // A measured current is no command, and where smooth commands act is known.
+    let is_known = data.axis.drive == Drive::Current || data.origin.smooth_earlier.is_some();
+    if above_floor(data, found) < NOT_NOISE || is_known {
         return false;
     }
     let is_refined = data.has_moments();
@@ -37,6 +40,36 @@ pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {
         *data = other;
     }
     explains
+}
+
+/// Takes a smooth command as changing between the rows, if that explains as much as two clocks that differ. A program that
+/// sends more commands than it writes rows holds a sine for a shorter time than the rows say, but not a step: the two seem
+/// to act late by different times. Returns whether it did.
+pub(super) fn settle_smooth(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {
+    let drifts = |term: &&Term| term.effect.delay_growth(&term.values) != 0.0;
+    let Some(drift) = found.model.terms.iter().find(drifts).map(Term::id) else { return false };
+    let Some(written) = data.with_commands_as_written().filter(|_| !data.has_moments()) else { return false };
+    let model = found.model.without(drift);
+    let smooth = smooth(&written);
+    let ways = EARLIER.into_par_iter().map(|share| {
+        let other = written.with_smooth_commands_earlier(&smooth, share);
+        let cost = fit(&model, &other, prior, Effort::TRIAL).cost;
+        (other, cost)
+    });
+    let best = ways.min_by(|a, b| a.1.total_cmp(&b.1)).filter(|(_, cost)| *cost <= AS_GOOD * found.cost);
+    let explains = best.is_some();
+    if let Some((other, _)) = best {
+        *data = other;
+    }
+    explains
+}
+
+/// The rows in which a command goes on to change as it did before.
+fn smooth(data: &Dataset) -> Vec<usize> {
+    let change = |row: usize| data.command[row] - data.command[row - 1];
+    let goes_on = |row: &usize| change(row - 1) * change(*row) > 0.0 && change(*row) * change(row + 1) > 0.0;
+    let inner = |rows: &Range<usize>| rows.start + 2..rows.end.saturating_sub(1);
+    data.stretches.iter().flat_map(|stretch| inner(&stretch.rows)).filter(goes_on).collect()
 }
 
 /// The data with estimated command times, and the rows before which they changed: all rows, or only the long ones.
@@ -112,6 +145,7 @@ mod tests {
     use super::*;
     use motorbench_data::recording::Recording;
     use motorbench_data::rig::Rig;
+    use motorbench_model::catalogue::effect;
     use motorbench_model::motor::MotorParameters;
     use proptest::prelude::*;
     use std::fmt::Write as _;
@@ -146,6 +180,32 @@ mod tests {
         assert_eq!(changes.first(), Some(&2));
         let found = moments(&data.with_commands_between(&changes), &Model::linear(MotorParameters::PIVT6), &changes);
         assert!(found.iter().all(|earlier_s| earlier_s.is_finite()), "{:?}", &found[..5]);
+    }
+
+    /// Of two rows one is written. Steps first and a sine then: with the commands at their rows the sine seems to come ever
+    /// earlier than the steps.
+    #[test]
+    fn a_sine_that_is_held_for_half_a_row_is_no_second_clock() {
+        let command = |time_s: f64| match time_s {
+            ..3.0 => [8.0, -6.0, 3.0][time_s as usize],
+            _ => 9.0 * (40.0 * time_s).sin(),
+        };
+        let fine_rows = || (0..FINE_ROWS * 3).map(|row| command(row as f64 * FINE_S));
+        let undriven = fine_rows().enumerate().map(|(row, volts)| [volts, (row % 200) as f64, (row % 2) as f64]);
+        let fine = dataset(FINE_S, undriven);
+        let is_settled = |drift_ppm: f64| {
+            let drift = effect("clock_drift").unwrap();
+            let moved = free_run(&Model::linear(MotorParameters::PIVT6).with(drift, vec![drift_ppm]), &fine);
+            let [speed, current] = [1, 0].map(|output| &moved[output]);
+            let rows = fine_rows().enumerate().step_by(2).map(|(row, volts)| [volts, speed[row], current[row]]);
+            let mut data = dataset(2.0 * FINE_S, rows);
+            let prior = Prior::new(&Rig::default().nominal(), &data);
+            let start = Model::linear(MotorParameters::PIVT6).with(drift, vec![drift_ppm - 50.0]);
+            let found = fit(&start, &data, &prior, Effort::FULL);
+            (settle_smooth(&mut data, &prior, &found), data.origin.smooth_earlier)
+        };
+        assert_eq!(is_settled(0.0), (true, Some(0.25)));
+        assert_eq!(is_settled(3000.0), (false, None));
     }
 
     proptest! {

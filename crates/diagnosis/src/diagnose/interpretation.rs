@@ -164,9 +164,10 @@ fn best_interpretation(
 
 /// Settings that the rig file leaves open, in the order in which they are estimated from the current fit. Each returns
 /// whether it changed the data.
-const SETTLED_IN_TURN: [fn(&mut Dataset, &Prior, &Fit) -> bool; 12] = [
+const SETTLED_IN_TURN: [fn(&mut Dataset, &Prior, &Fit) -> bool; 13] = [
     pwm_phase::settle,
     command_times::settle,
+    command_times::settle_smooth,
     |data, _, found| counter_stops::settle(data, found),
     |data, _, found| counter_stops::settle(data, found),
     |data, _, found| counter_stops::settle(data, found),
@@ -179,6 +180,14 @@ const SETTLED_IN_TURN: [fn(&mut Dataset, &Prior, &Fit) -> bool; 12] = [
     command_times::settle,
 ];
 
+/// Settings that the rig file leaves open, estimated with the nominal motor.
+fn settle_before_effects(data: &mut Dataset, prior: &Prior) {
+    if data.axis.drive.is_voltage() {
+        pwm_frequency::settle_at_first(data, prior);
+    }
+    counter_stops::settle_by_linear_motor(data, prior);
+}
+
 fn interpret(
     mut data: Dataset,
     prior: &Prior,
@@ -186,12 +195,18 @@ fn interpret(
     progress: select::Progress,
 ) -> (Dataset, Selection) {
     let anew = |data: &Dataset| select(data, prior, &[&excluded(data), excluded_ids].concat(), progress);
+    let recorded = data.clone();
     if data.axis.drive.is_voltage() {
         pwm_phase::settle_at_first(&mut data, prior);
-        pwm_frequency::settle_at_first(&mut data, prior);
     }
-    counter_stops::settle_by_linear_motor(&mut data, prior);
+    settle_before_effects(&mut data, prior);
     let mut selection = anew(&data);
+    if !pwm_phase::is_needed(&data, prior, &selection.last) {
+        progress("without a ripple of the PWM");
+        data = recorded;
+        settle_before_effects(&mut data, prior);
+        selection = anew(&data);
+    }
     for settle in SETTLED_IN_TURN {
         if settle(&mut data, prior, &selection.last) {
             selection = anew(&data);

@@ -45,8 +45,8 @@ use crate::identify::{
     Fit, Interval, Prior, Uncertainty, Z95, has_unknown_voltage_scale, lateness_s, uniform_deviation,
 };
 use causes::{
-    bridge_ohm, cause, drifts_within_a_row, is_between_rows, is_of_the_reading, is_order_of_rows, parameters,
-    waits_for_the_pwm, wrong_values,
+    bridge_ohm, cause, is_between_rows, is_of_the_reading, is_order_of_rows, parameters, waits_for_the_pwm,
+    wrong_values,
 };
 use determined::AllDetermined;
 use hidden_drop::HiddenDrop;
@@ -67,8 +67,6 @@ pub(crate) use trust::LEAST_OF_REST;
 
 /// Note on commands that act late by less than a period of the PWM.
 const WAITS_FOR_THE_PWM: &str = "The commands act late by less than a period of the PWM: its timer takes a new duty at the begin of a period. A faster PWM shortens that.";
-/// Note on a drift of the clocks that the rows are too far apart to tell.
-const DRIFTS_WITHIN_A_ROW: &str = "The lateness of the commands changes by less than a row over the recording. The rows may not hold each command. Write a row for each command to see whether two clocks differ.";
 /// Stands for the dependence of a rest that no curve explains.
 pub(crate) const NOTHING_SEEN: &str = "nothing seen";
 
@@ -291,9 +289,6 @@ impl Outcome {
         let named = causes.len();
         causes.retain(|cause| !waits_for_the_pwm(&cause.effect, data, model));
         let waits = causes.len() < named;
-        let named = causes.len();
-        causes.retain(|cause| !drifts_within_a_row(&cause.effect, data, model));
-        let drifts = causes.len() < named;
         let parameters = parameters(found, &prior.nominal, &corrections);
         causes.extend(scale.map(|scale| scale.cause(data, hidden_drop.is_some())));
         let unexplained = unexplained(data, selection, fullest);
@@ -328,7 +323,6 @@ impl Outcome {
         outcome.advice.extend(contradictions);
         outcome.advice.extend(outcome.small_rest());
         outcome.advice.extend(waits.then(|| WAITS_FOR_THE_PWM.to_owned()));
-        outcome.advice.extend(drifts.then(|| DRIFTS_WITHIN_A_ROW.to_owned()));
         outcome.advice.extend(scale.map(|scale| scale.advice(data)));
         outcome.advice.extend(hidden_drop.map(|drop| drop.note()));
         outcome

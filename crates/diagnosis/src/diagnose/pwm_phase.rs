@@ -135,6 +135,16 @@ pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {
     phase.is_some()
 }
 
+/// Whether a phase that a ripple showed has very strong evidence beside the effects that were found with it. Rows in step
+/// with the PWM see its ripple as a current that depends on the duty alone, as that of a friction or an offset does.
+pub(super) fn is_needed(data: &Dataset, prior: &Prior, found: &Fit) -> bool {
+    if data.origin.ripple_shows.is_none() {
+        return true;
+    }
+    let mean = fit(&found.model, &data.with_pwm_phase(None), prior, Effort::AGAIN);
+    evidence_nats(data, &mean, found) > least_nats(data)
+}
+
 /// Very strong evidence for one phase of all that are tried.
 fn least_nats(data: &Dataset) -> f64 {
     VERY_STRONG_NATS + (phases(data) as f64 * f64::from(1 << HALVINGS)).ln()

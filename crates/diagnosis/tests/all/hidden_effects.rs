@@ -49,6 +49,17 @@ fn every_effect_is_found_alone_in_a_long_recording() {
     }
 }
 
+/// Rows in step with the PWM see its ripple as a current that depends on the duty alone. What the linear motor lacks looks
+/// like one, in currents that have none.
+#[test]
+fn what_the_linear_motor_lacks_is_no_ripple_of_the_pwm() {
+    for (seed, effect) in in_the_suite([(51012, Effect::CurrentOffset), (51021, Effect::QuadraticDrag)]) {
+        let recipe = recipe("single", seed);
+        assert_eq!(recipe.effects[0].0, effect);
+        assert_eq!(assert_found(seed, &recipe).data.origin.pwm_phase, None, "seed {seed}");
+    }
+}
+
 /// The same torque, friction or offset would fit one speed, not all of them.
 #[test]
 fn a_bridge_may_give_less_one_way() {
