@@ -2,33 +2,23 @@
 //! are garbled. One of them costs every name, since its error outweighs all others. They are found where what the model
 //! lacks stands out, and left out if everything else is explained without them.
 
-use super::channels::excluded;
 use super::judge::{BLOCK_S, NOT_NOISE, above_floor};
 use super::missing::lack;
 use super::residuals;
-use super::select::usual_model;
-pub(super) use crate::configuration::diagnose::bad_stretches::MOST_LEFT_OUT;
-use crate::configuration::diagnose::bad_stretches::{BELONGS, MOST_PLACES, STANDS_OUT};
+use crate::configuration::diagnose::bad_stretches::{BELONGS, STANDS_OUT};
+pub(super) use crate::configuration::diagnose::bad_stretches::{MOST_LEFT_OUT, MOST_PLACES};
 use crate::dataset::{Dataset, Stretch, median};
-use crate::identify::{Fit, Prior};
+use crate::identify::Fit;
 use motorbench_model::catalogue::ActsOn;
 use std::ops::Range;
 
-/// The data without such stretches, where `found` leaves more than noise and there are any. The greatest is left out
-/// first, since it biases the fit by which the others are found.
-pub(super) fn without(data: &Dataset, prior: &Prior, found: &Fit) -> Option<Dataset> {
-    if above_floor(data, found) < NOT_NOISE {
-        return None;
-    }
+/// The data without the greatest of such stretches that `found` shows, if there is one and not too much is left out.
+pub(super) fn without_greatest(data: &Dataset, found: &Fit) -> Option<Dataset> {
     let mut rest = data.clone();
-    for _ in 0..MOST_PLACES {
-        let usual = usual_model(&rest, prior, &excluded(&rest));
-        let Some(rows) = standing_out(&rest, &usual) else { break };
-        rest.leave_out_rows(rows);
-    }
+    rest.leave_out_rows(standing_out(data, found)?);
+    let left_out: usize = rest.origin.left_out.iter().map(|rows| rows.len()).sum();
     let left: usize = rest.stretches.iter().map(|stretch| stretch.rows.len()).sum();
-    let all: usize = data.stretches.iter().map(|stretch| stretch.rows.len()).sum();
-    (left < all && left as f64 > (1.0 - MOST_LEFT_OUT) * all as f64).then_some(rest)
+    (left > 0 && (left_out as f64) < MOST_LEFT_OUT * (left_out + left) as f64).then_some(rest)
 }
 
 /// The rows around the greatest lack, if that stands out.

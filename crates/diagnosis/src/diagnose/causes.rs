@@ -139,31 +139,42 @@ pub(super) fn is_between_rows(effect: &str, data: &Dataset, motor: &MotorParamet
     effect == INDUCTANCE && TimeConstants::of(motor).electromagnetic_s < LEAST_ROWS * data.interval_s
 }
 
-/// Whether an effect is a delay shorter than a row, where rows were written after their commands had acted. It then
-/// gives the time within the row at which the command acts, not a delay of the bridge.
-pub(super) fn is_order_of_rows(id: &str, data: &Dataset, model: &Model) -> bool {
-    let delay_s = model.term(id).map_or(0.0, |term| term.effect.delay_s(&term.values));
-    data.origin.written_after && (f64::MIN_POSITIVE..data.interval_s).contains(&delay_s)
+/// By how much an effect changes the lateness of the commands over the recording.
+fn grown_s(term: &Term, data: &Dataset) -> f64 {
+    term.effect.delay_growth(&term.values).abs() * data.span_s()
+}
+
+/// Whether an effect is a lateness of the commands that stays within a row. A program may send more commands than it writes
+/// rows, so a row does not say when within it a command acts: of a step otherwise than of a sine, which looks like a drift.
+/// A delay stays open where rows were written after their commands had acted, or the times of the commands are estimated.
+pub(super) fn stays_within_a_row(id: &str, data: &Dataset, model: &Model) -> bool {
+    let is_short = |late_s: f64| (f64::MIN_POSITIVE..data.interval_s).contains(&late_s);
+    let is_delay_open = data.origin.written_after || data.has_moments();
+    model.term(id).is_some_and(|term| {
+        is_short(grown_s(term, data)) || is_delay_open && is_short(term.effect.delay_s(&term.values))
+    })
 }
 
 /// Whether an effect is a lateness of the commands that stays below a period of the PWM. A timer takes over a new duty at
 /// the begin of a period (ATmega328P data sheet, 15.7 and 16.9), so that belongs to the PWM.
 pub(super) fn waits_for_the_pwm(id: &str, data: &Dataset, model: &Model) -> bool {
     let is_late = |term: &Term| {
-        let late_s = term.effect.delay_s(&term.values);
-        let grown_s = term.effect.delay_growth(&term.values).abs() * data.span_s();
-        (f64::MIN_POSITIVE..1.0 / data.origin.pwm_hz).contains(&late_s.max(grown_s))
+        let latest_s = term.effect.delay_s(&term.values).max(grown_s(term, data));
+        (f64::MIN_POSITIVE..1.0 / data.origin.pwm_hz).contains(&latest_s)
     };
     data.origin.pwm_is_known && data.axis.drive.is_voltage() && model.term(id).is_some_and(is_late)
 }
 
 /// Whether a wrong value is an inductance that may come from an assumed PWM frequency, averaging window or command
-/// time: the rig file does not give these, so only the combination is known.
+/// time: the rig file does not give these, so only the combination is known. A speed alone shows an inductance by a lateness,
+/// and the commands may act late.
 pub(super) fn is_of_the_reading(cause: &str, data: &Dataset, model: &Model) -> bool {
     let shows_pwm = || model.terms.iter().any(|term| term.effect.about().acts_on.contains(&ActsOn::Voltage));
     let of_pwm = || !data.origin.pwm_is_known && shows_pwm();
     let of_window = || data.origin.timing.current_window_s.is_none() && data.origin.current_window_s > 0.0;
-    cause == INDUCTANCE && (of_pwm() || of_window() || data.has_moments() || data.origin.taken_over_its_row)
+    let of_lateness = || data.current().is_none() && data.origin.timing.command_delay_s.is_none();
+    cause == INDUCTANCE
+        && (of_pwm() || of_window() || of_lateness() || data.has_moments() || data.origin.taken_over_its_row)
 }
 
 #[cfg(test)]
@@ -175,7 +186,7 @@ mod tests {
     use std::fmt::Write as _;
 
     #[test]
-    fn lateness_below_a_period_belongs_to_the_pwm() {
+    fn lateness_below_a_period_or_a_row_is_no_cause() {
         let mut text = String::from("t_s,duty,omega_rad_per_s\n");
         for row in 0..5000 {
             let duty = [0.9, 0.4, -0.7, 0.2, -0.5][row / 1000];
@@ -193,6 +204,20 @@ mod tests {
         ] {
             let model = Model::linear(MotorParameters::PIVT6).with(effect(id).unwrap(), vec![value]);
             assert_eq!(waits_for_the_pwm(id, &data, &model), belongs, "{id} {value}");
+        }
+        // These readings answer in the row of their command, as where rows are written afterwards.
+        let mut rows = data;
+        rows.origin.written_after = false;
+        let between = rows.with_commands_between(&[1000]);
+        for (id, value, of_rows, of_moments) in [
+            ("actuation_delay", 0.0009, false, true),
+            ("actuation_delay", 0.0011, false, false),
+            ("clock_drift", -190.0, true, true),
+            ("clock_drift", 210.0, false, false),
+        ] {
+            let model = Model::linear(MotorParameters::PIVT6).with(effect(id).unwrap(), vec![value]);
+            assert_eq!(stays_within_a_row(id, &rows, &model), of_rows, "{id} {value}");
+            assert_eq!(stays_within_a_row(id, &between, &model), of_moments, "{id} {value}");
         }
     }
 }

@@ -10,9 +10,9 @@ pub(super) fn excluded(data: &Dataset) -> Vec<&'static str> {
         current: data.current().is_some(),
         speed: data.motion().output == Output::Speed,
         counts: data.origin.is_counted,
-        // A lateness that is followed from reading to reading includes any delay, too. Smooth commands that all act earlier
-        // than their rows by one share include none.
-        moments: data.has_moments() && data.origin.smooth_earlier.is_none() || data.origin.late_readings.is_some(),
+        // Smooth commands that all act earlier than their rows by one share have no moments of their own.
+        moments: data.has_moments() && data.origin.smooth_earlier.is_none(),
+        lateness: data.origin.late_readings.is_some(),
         one_magnitude: data.has_one_magnitude(),
     };
     CATALOGUE.iter().filter(|effect| !effect.shows_in(&channels)).map(|effect| effect.about().id).collect()

@@ -2,7 +2,7 @@
 //! often as it writes rows; a program that times its steps and its rows by two clocks. The rows give the command, but
 //! not since when it acts; the motion shows that.
 
-use super::judge::{AS_GOOD, NOT_NOISE, above_floor};
+use super::judge::{AS_GOOD, NOT_NOISE, VERY_STRONG_NATS, above_floor, evidence_nats};
 pub(super) use crate::configuration::diagnose::command_times::LEAST_GAIN;
 use crate::configuration::diagnose::command_times::{
     ANSWER_S, CLOSER, EARLIER, LEAST_CHANGE, LEAST_GAIN_OF_CLOSE_ROWS, RARELY, ROUNDS, SHIFT, SHORTEST_ROW_S,
@@ -29,17 +29,24 @@ pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {
         false => with_commands_between(data),
     };
     let best = ways.into_iter().map(|(way, sought)| with_moments(way, &sought, prior, &found.model));
-    let Some((other, cost)) = best.min_by(|a, b| a.1.total_cmp(&b.1)) else { return false };
+    let Some((other, best)) = best.min_by(|a, b| a.1.cost.total_cmp(&b.1.cost)) else { return false };
     let least_gain = match (is_refined, data.interval_s < SHORTEST_ROW_S) {
         (true, _) => CLOSER,
         (false, true) => LEAST_GAIN_OF_CLOSE_ROWS,
         (false, false) => LEAST_GAIN,
     };
-    let explains = cost <= least_gain * found.cost;
+    let explains = best.cost <= least_gain * found.cost || explains_all(data, found, &other, &best);
     if explains {
         *data = other;
     }
     explains
+}
+
+/// Whether estimated times leave no more than noise, with very strong evidence: each of them counts as a constant.
+fn explains_all(data: &Dataset, found: &Fit, other: &Dataset, best: &Fit) -> bool {
+    let estimated = other.earlier_s.iter().filter(|earlier_s| **earlier_s > 0.0).count() as f64;
+    let price = 0.5 * estimated * best.independent_residuals(data).ln();
+    above_floor(other, best) < NOT_NOISE && evidence_nats(data, found, best) > VERY_STRONG_NATS + price
 }
 
 /// Takes a smooth command as changing between the rows, if that explains as much as two clocks that differ. A program that
@@ -86,14 +93,14 @@ fn with_commands_between(recorded: &Dataset) -> Vec<(Dataset, Vec<usize>)> {
     ways.into_iter().flatten().map(|sought| (data.with_commands_between(&sought), sought)).collect()
 }
 
-/// The data with the times that the readings give, and the cost of the model with them.
-fn with_moments(mut data: Dataset, sought: &[usize], prior: &Prior, model: &Model) -> (Dataset, f64) {
+/// The data with the times that the readings give, and the model with them.
+fn with_moments(mut data: Dataset, sought: &[usize], prior: &Prior, model: &Model) -> (Dataset, Fit) {
     let mut best = fit(model, &data, prior, Effort::TRIAL);
     for _ in 0..ROUNDS {
         data.earlier_s = moments(&data, &best.model, sought);
         best = fit(&best.model, &data, prior, Effort::TRIAL);
     }
-    (data, best.cost)
+    (data, best)
 }
 
 /// The `chosen` rows whose command differs clearly from the one before.

@@ -1,12 +1,13 @@
 //! How recordings are interpreted: what the rig file leaves open about them is settled in turn, and after each step the
 //! effects are selected anew.
 
+use super::bad_stretches::MOST_PLACES;
 use super::channels::excluded;
 use super::hidden_drop::HiddenDrop;
 use super::judge::{self, AS_GOOD, NOT_NOISE, above_floor};
 use super::random_losses::RandomLosses;
 use super::scale::Scale;
-use super::select::{self, Selection, Standing, select};
+use super::select::{self, Selection, Standing, select, usual_model};
 use super::trust::{is_of_a_scale, may_be_nothing, remove_effect, remove_untrusted};
 use super::{
     bad_stretches, command_times, counter_stops, current_window, data_sheet, laws, pwm_frequency, pwm_phase,
@@ -149,12 +150,13 @@ fn best_interpretation(
     progress: select::Progress,
 ) -> (Dataset, Selection) {
     speed_reading::settle_stated_window(&mut data, prior);
-    let way = interpret(data.clone(), prior, excluded_ids, progress);
+    let interpreter = Interpreter { prior, excluded_ids, progress };
+    let way = interpreter.interpret(data.clone());
     let last = &way.1.last;
     let is_better = |centred: &Dataset| fit(&last.model, centred, prior, Effort::AGAIN).cost * AS_GOOD < last.cost;
     let is_centred = way.0.with_window_centred().is_some_and(|centred| is_better(&centred));
     let Some(centred) = data.with_window_centred().filter(|_| is_centred) else { return way };
-    let other = interpret(centred, prior, excluded_ids, progress);
+    let other = interpreter.interpret(centred);
     let rank = |(data, selection): &(Dataset, Selection)| {
         let last = &selection.last;
         (data_sheet::doubts(data, prior, last), last.model.terms.len(), last.cost)
@@ -188,44 +190,76 @@ fn settle_before_effects(data: &mut Dataset, prior: &Prior) {
     counter_stops::settle_by_linear_motor(data, prior);
 }
 
-fn interpret(
-    mut data: Dataset,
-    prior: &Prior,
-    excluded_ids: &[&'static str],
-    progress: select::Progress,
-) -> (Dataset, Selection) {
-    let anew = |data: &Dataset| select(data, prior, &[&excluded(data), excluded_ids].concat(), progress);
-    let recorded = data.clone();
-    if data.axis.drive.is_voltage() {
-        pwm_phase::settle_at_first(&mut data, prior);
-    }
-    settle_before_effects(&mut data, prior);
-    let mut selection = anew(&data);
-    if !pwm_phase::is_needed(&data, prior, &selection.last) {
-        progress("without a ripple of the PWM");
-        data = recorded;
-        settle_before_effects(&mut data, prior);
-        selection = anew(&data);
-    }
-    for settle in SETTLED_IN_TURN {
-        if settle(&mut data, prior, &selection.last) {
-            selection = anew(&data);
+/// Interprets data with some effects excluded.
+struct Interpreter<'a> {
+    prior: &'a Prior,
+    excluded_ids: &'a [&'static str],
+    progress: select::Progress<'a>,
+}
+
+impl Interpreter<'_> {
+    fn interpret(&self, recorded: Dataset) -> (Dataset, Selection) {
+        let mut data = recorded.clone();
+        if data.axis.drive.is_voltage() {
+            pwm_phase::settle_at_first(&mut data, self.prior);
         }
-    }
-    if let Some((other, found)) = with_another_part_held_out(&data, prior, &selection) {
-        progress("with another part held out");
-        let excluded = [&excluded(&other), excluded_ids].concat();
-        selection = select::anew_from(&other, prior, &excluded, found, selection.steps, progress);
-        data = other;
-    }
-    if let Some(rest) = bad_stretches::without(&data, prior, &selection.last) {
-        progress("without a stretch that does not follow its command");
-        let without = anew(&rest);
-        if above_floor(&rest, &without.last) < NOT_NOISE {
-            return (rest, without);
+        settle_before_effects(&mut data, self.prior);
+        let mut selection = self.select(&data);
+        if !pwm_phase::is_needed(&data, self.prior, &selection.last) {
+            (self.progress)("without a ripple of the PWM");
+            data = recorded;
+            settle_before_effects(&mut data, self.prior);
+            selection = self.select(&data);
         }
+        (data, selection) = self.settled(data, selection);
+        if let Some((other, found)) = with_another_part_held_out(&data, self.prior, &selection) {
+            (self.progress)("with another part held out");
+            let excluded = self.excluded(&other);
+            selection = select::anew_from(&other, self.prior, &excluded, found, selection.steps, self.progress);
+            data = other;
+        }
+        self.without_bad_stretches(&data, &selection).unwrap_or((data, selection))
     }
-    (data, selection)
+
+    fn excluded(&self, data: &Dataset) -> Vec<&'static str> {
+        [&excluded(data), self.excluded_ids].concat()
+    }
+
+    fn select(&self, data: &Dataset) -> Selection {
+        select(data, self.prior, &self.excluded(data), self.progress)
+    }
+
+    fn settled(&self, mut data: Dataset, mut selection: Selection) -> (Dataset, Selection) {
+        for settle in SETTLED_IN_TURN {
+            if settle(&mut data, self.prior, &selection.last) {
+                selection = self.select(&data);
+            }
+        }
+        (data, selection)
+    }
+
+    /// Without stretches that do not follow their command, if that explains everything. Such a stretch biases every fit, so
+    /// the greatest is left out first. It may have hidden what else is open about the recording.
+    fn without_bad_stretches(&self, data: &Dataset, found: &Selection) -> Option<(Dataset, Selection)> {
+        if above_floor(data, &found.last) < NOT_NOISE {
+            return None;
+        }
+        let mut rest = bad_stretches::without_greatest(data, &usual_model(data, self.prior, &self.excluded(data)))?;
+        for _ in 0..MOST_PLACES {
+            (self.progress)("without a stretch that does not follow its command");
+            let selection = self.select(&rest);
+            let (other, selection) = self.settled(rest, selection);
+            let next = bad_stretches::without_greatest(&other, &selection.last);
+            if above_floor(&other, &selection.last) < NOT_NOISE {
+                // What adjoins such a stretch belongs to it.
+                let Some(next) = next else { return Some((other, selection)) };
+                let selection = self.select(&next);
+                return Some((next, selection));
+            }
+            rest = next?;
+        }
+        None
+    }
 }
 
 /// What happens once, such as the moment at which a shaft breaks loose, is not known to a fit without the part that has it.

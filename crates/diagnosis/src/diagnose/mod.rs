@@ -45,7 +45,7 @@ use crate::identify::{
     Fit, Interval, Prior, Uncertainty, Z95, has_unknown_voltage_scale, lateness_s, uniform_deviation,
 };
 use causes::{
-    bridge_ohm, cause, is_between_rows, is_of_the_reading, is_order_of_rows, parameters, waits_for_the_pwm,
+    bridge_ohm, cause, is_between_rows, is_of_the_reading, parameters, stays_within_a_row, waits_for_the_pwm,
     wrong_values,
 };
 use determined::AllDetermined;
@@ -67,6 +67,10 @@ pub(crate) use trust::LEAST_OF_REST;
 
 /// Note on commands that act late by less than a period of the PWM.
 const WAITS_FOR_THE_PWM: &str = "The commands act late by less than a period of the PWM: its timer takes a new duty at the begin of a period. A faster PWM shortens that.";
+/// Identifier of two clocks that run unequally fast.
+const CLOCK_DRIFT: &str = "clock_drift";
+/// Note on a drift of the clocks that the rows are too far apart to tell.
+const DRIFTS_WITHIN_A_ROW: &str = "The lateness of the commands changes by less than a row over the recording. The rows may not hold each command, which looks like two clocks. Write a row for each command to see whether they differ.";
 /// Stands for the dependence of a rest that no curve explains.
 pub(crate) const NOTHING_SEEN: &str = "nothing seen";
 
@@ -285,7 +289,9 @@ impl Outcome {
             causes.push(losses.cause(data, judge::rmse(data, &selection.last.prediction, data.motion_index())));
         }
         causes.sort_by(|a, b| b.evidence_sigmas.total_cmp(&a.evidence_sigmas));
-        causes.retain(|cause| !is_order_of_rows(&cause.effect, data, model));
+        let drifts = |cause: &Cause| cause.effect == CLOCK_DRIFT && stays_within_a_row(CLOCK_DRIFT, data, model);
+        let drifts = causes.iter().any(drifts);
+        causes.retain(|cause| !stays_within_a_row(&cause.effect, data, model));
         let named = causes.len();
         causes.retain(|cause| !waits_for_the_pwm(&cause.effect, data, model));
         let waits = causes.len() < named;
@@ -323,6 +329,7 @@ impl Outcome {
         outcome.advice.extend(contradictions);
         outcome.advice.extend(outcome.small_rest());
         outcome.advice.extend(waits.then(|| WAITS_FOR_THE_PWM.to_owned()));
+        outcome.advice.extend(drifts.then(|| DRIFTS_WITHIN_A_ROW.to_owned()));
         outcome.advice.extend(scale.map(|scale| scale.advice(data)));
         outcome.advice.extend(hidden_drop.map(|drop| drop.note()));
         outcome

@@ -136,7 +136,7 @@ pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {
 }
 
 /// Whether a phase that a ripple showed has very strong evidence beside the effects that were found with it. Rows in step
-/// with the PWM see its ripple as a current that depends on the duty alone, as that of a friction or an offset does.
+/// with the PWM see a ripple that depends on the duty alone, and so does the current of a friction or an offset.
 pub(super) fn is_needed(data: &Dataset, prior: &Prior, found: &Fit) -> bool {
     if data.origin.ripple_shows.is_none() {
         return true;

@@ -58,8 +58,8 @@ impl Search for ActuationDelay {
         [INDUCTANCE, "current_lag", "speed_lag"].contains(&rival).then(|| vec![values[0]])
     }
 
-    /// Where the moments of the commands are estimated, they include a delay.
+    /// A lateness that is followed from reading to reading includes any delay.
     fn can_show_in(&self, channels: &Channels) -> bool {
-        !channels.moments
+        !channels.lateness
     }
 }

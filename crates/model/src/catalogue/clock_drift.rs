@@ -54,8 +54,8 @@ impl Search for ClockDrift {
         (PPM * values[0]).abs() * scales.duration_s < LEAST_ROWS * scales.interval_s
     }
 
-    /// Where the moments of the commands are estimated, they follow any clock.
+    /// Where the moments of the commands are estimated, they follow any clock. So does a lateness that is followed.
     fn can_show_in(&self, channels: &Channels) -> bool {
-        !channels.moments
+        !channels.moments && !channels.lateness
     }
 }

@@ -18,6 +18,8 @@ pub struct Channels {
     pub counts: bool,
     /// Moments of commands between its rows, which are sought in its readings.
     pub moments: bool,
+    /// A lateness of the readings that changes, which is followed.
+    pub lateness: bool,
     /// One voltage, this way and that, and nothing else that happens.
     pub one_magnitude: bool,
 }

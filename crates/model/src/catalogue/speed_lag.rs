@@ -68,6 +68,6 @@ impl Search for SpeedLag {
 
     /// Where the moments of the commands are estimated, they include a short lag.
     fn can_show_in(&self, channels: &Channels) -> bool {
-        channels.speed && !channels.moments
+        channels.speed && !channels.moments && !channels.lateness
     }
 }
