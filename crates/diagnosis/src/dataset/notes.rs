@@ -10,18 +10,18 @@ use motorbench_text::terminal_text::short;
 /// Note on commands that changed between rows.
 const BETWEEN_ROWS: &str = "The commands changed between rows. The times of these changes were estimated from the readings, also in the held-out data. The intervals do not contain that uncertainty. Write a row for each command. [recording] command_delay_s = 0 in the rig file takes the rows as they are.";
 
+/// Note on an angle that was estimated from a tachogenerator.
+const BY_RIPPLE: &str = "The angle of the shaft was estimated from the ripple of the speed, also in the held-out data. The integral of the speed is too noisy for it. An encoder would measure it.";
+
+/// Note on a speed that is assumed to be a mean.
+const OVER_ITS_ROW: &str = "The speed is compared as a mean since the row before; a delay would explain it as well. Set [recording] speed_window_s in the rig file to say which it is (0: of the moment).";
+
 /// Note on commands of which the rows hold only some.
 fn smooth_earlier(share: f64) -> String {
     format!(
         "Where the command changes smoothly, it acts {share} of a row before its row: the program seems to send more commands than it writes rows. Write a row for each command. [recording] command_delay_s in the rig file takes the rows as they are."
     )
 }
-
-/// Note on an angle that was estimated from a tachogenerator.
-const BY_RIPPLE: &str = "The angle of the shaft was estimated from the ripple of the speed, also in the held-out data. The integral of the speed is too noisy for it. An encoder would measure it.";
-
-/// Note on a speed that is assumed to be a mean.
-const OVER_ITS_ROW: &str = "The speed is compared as a mean since the row before; a delay would explain it as well. Set [recording] speed_window_s in the rig file to say which it is (0: of the moment).";
 
 /// Note on a speed that was found to be a moving average.
 fn averaged(window_s: f64) -> String {

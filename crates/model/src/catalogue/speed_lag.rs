@@ -66,7 +66,7 @@ impl Search for SpeedLag {
         [INDUCTANCE, "actuation_delay"].contains(&rival).then(|| vec![values[0], 0.0, 0.0])
     }
 
-    /// Where the moments of the commands are estimated, they include a short lag.
+    /// Where the moments of the commands are estimated, they include a short lag. So does a lateness that is followed.
     fn can_show_in(&self, channels: &Channels) -> bool {
         channels.speed && !channels.moments && !channels.lateness
     }
