@@ -1,8 +1,10 @@
 //! Free-running simulation: the model alone, driven by the recorded command over a whole recording.
 //!
-//! Within a step the linear part is solved exactly (matrix exponential). The terms of the effects are constant over it,
-//! those that oppose a state (resistance, viscous and dry friction) implicitly. A dry term moves its state towards zero
-//! and never beyond, so the shaft sticks and the diodes block at any step (time stepping after Moreau).
+//! Within a step the linear part is solved exactly (matrix exponential), also where the voltage changes within it. The
+//! terms of the effects are constant over it. Those that oppose a state act implicitly: resistance and viscous friction by
+//! the trapezoidal rule. A dry term moves its state towards zero and never beyond, so the shaft sticks and the diodes block
+//! at any step (time stepping after Moreau). A current that touches zero in each period of the PWM follows the volts at the
+//! end of the step.
 
 mod reading;
 mod replay;
@@ -13,7 +15,7 @@ pub use replay::Replay;
 
 use crate::dataset::{Dataset, Stretch};
 use motorbench_model::catalogue::{Balance, Coordinate, Instant};
-use motorbench_model::{LinearStep, Model, Reached};
+use motorbench_model::{Late, LinearSteps, Model, Reached};
 use std::ops::Range;
 
 /// The prediction of each measured quantity, in the order of [`Dataset::measured`].
@@ -26,6 +28,8 @@ pub enum Steps {
     Fine,
     /// Twice as long: for differences between two simulations, in which the errors of the steps cancel.
     Coarse,
+    /// Half as long: for the error of the steps.
+    Halved,
     /// At most this many seconds.
     AtMost(f64),
 }
@@ -81,6 +85,7 @@ impl Motion {
             open: data.open[row] || !data.axis.drive.is_voltage(),
             current_a: self.current_a[row],
             speed_rad_per_s: self.speed_rad_per_s[row],
+            middle_rad_per_s: self.speed_rad_per_s[row],
             angle_rad: 0.5 * (self.shaft_rad[row] + self.shaft_rad[row + 1]),
             turned_rad: self.shaft_rad[row + 1] - self.shaft_rad[row],
             step_s: data.time_s[row + 1] - data.time_s[row],
@@ -133,20 +138,20 @@ pub fn position(model: &Model, data: &Dataset) -> Vec<f64> {
 pub fn nudged(model: &Model, data: &Dataset, motion: &Motion, added: impl Fn(&Instant) -> Balance<'static>) -> Motion {
     let mut nudged = motion.clone();
     let inertia_kg_m2 = inertia_kg_m2(model);
-    let mut step = LinearStep::default();
+    let mut steps = LinearSteps::default();
     for Stretch { rows: range, .. } in data.stretches.iter().filter(|stretch| !data.is_held(stretch)) {
         let (mut current_a, mut speed_rad_per_s, mut angle_rad) = (0.0, 0.0, 0.0);
         for index in range.start..range.end - 1 {
             let next = index + 1;
             let step_s = data.time_s[next] - data.time_s[index];
-            step.set_length(&model.motor, inertia_kg_m2, step_s);
+            let step = steps.of_length(&model.motor, inertia_kg_m2, step_s);
             let at = motion.instant(data, index);
             let before = speed_rad_per_s;
             let Balance { torque_nm, voltage_v, .. } = added(&at);
             let terms = Balance { torque_nm, voltage_v, ..Balance::default() };
             // Nothing is added to a current that is imposed.
             let input = data.axis.drive.input(0.0, at.open);
-            Reached { current_a, speed_rad_per_s, .. } = step.take(current_a, before, input, &terms);
+            Reached { current_a, speed_rad_per_s, .. } = step.take(current_a, before, input, Late::default(), &terms);
             if at.speed_rad_per_s == 0.0 && motion.speed_rad_per_s[next] == 0.0 {
                 speed_rad_per_s = 0.0;
             }

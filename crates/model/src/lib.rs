@@ -35,6 +35,6 @@ pub mod unit;
 
 pub use axis::{Axis, Drive, Input, Motion};
 pub use extended::{Model, ModelError, Term};
-pub use linear_step::{LinearStep, Reached, SAME_LENGTH_S, oppose_motion};
+pub use linear_step::{Late, LinearStep, LinearSteps, Reached, SAME_LENGTH_S, oppose_motion, volts};
 pub use steady_voltage::Direction;
 pub use switched_step::SwitchedStep;

@@ -1,33 +1,53 @@
 //! One step of the linear motor, and what dry losses leave of it.
 
 use super::axis::Input;
-use super::pwm_period::Volts;
+use super::pwm_period::{Volts, against};
 use crate::catalogue::Balance;
 use crate::closed_form::{Family, combine};
 use crate::motor::MotorParameters;
 
-/// Recorded times are rounded: steps that differ by less are of one length.
+/// Recorded times are rounded: times that differ by less are one.
 pub const SAME_LENGTH_S: f64 = 1e-9;
+/// The same for steps of any length, as a share of it.
+const SAME_LENGTH: f64 = 1e-6;
+/// So many lengths of steps are kept.
+const KEPT: usize = 4;
+/// So many times within a step: in straight lines between them the exponential of a winding as quick as a third of the step
+/// is exact to a thousandth.
+const TIMES: f64 = 64.0;
 /// Steps of Newton's method for a drop with a knee, and how close it comes, as a share of the knee.
 const NEWTON_STEPS: usize = 12;
 const NEWTON_CLOSENESS: f64 = 1e-3;
 
 /// The linear part over one step: what becomes of current and speed, of a voltage and a torque.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub struct LinearStep {
+    motor: MotorParameters,
     current_of: [f64; 4],
     speed_of: [f64; 4],
     /// Speed left, and gained of a torque, while the current is imposed.
     open_speed_of: [f64; 2],
     /// Voltage and torque that make a unit of current and of speed.
     inverse_gains: [f64; 2],
-    resistance_ohm: f64,
-    /// Its inverse.
+    /// Inverse of the resistance.
     conductance_siemens: f64,
-    torque_constant_nm_per_a: f64,
     /// Of the winding, over a step.
     inductance_over_step_ohm: f64,
+    /// Current that a volt makes at the begin of the step alone, and at its end, where it changes evenly from one to the other.
+    falling_and_rising: [f64; 2],
     step_s: f64,
+}
+
+/// A voltage that comes to that of the step's end only within the step.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Late {
+    by_v: f64,
+    /// The same of the pulse's share of a period.
+    by_share: f64,
+    /// Share of the step in which it is missing.
+    missing: f64,
+    /// Current and speed that a volt would have made in it.
+    of_a_volt: [f64; 2],
 }
 
 /// Where a step leads.
@@ -56,88 +76,167 @@ impl LinearStep {
         };
         let (current_of, speed_of) = (row(0), row(1));
         let inverse_gains = [1.0 / current_of[2], 1.0 / speed_of[3]];
+        let rising = combine(weights.second, &rates)[0][0] / (l * step_s);
         Self {
+            motor: *motor,
             current_of,
             speed_of,
             open_speed_of: speed_of_torque(b, inertia_kg_m2, step_s),
             inverse_gains,
-            resistance_ohm: motor.resistance_ohm,
             conductance_siemens: 1.0 / motor.resistance_ohm,
-            torque_constant_nm_per_a: k,
             inductance_over_step_ohm: l / step_s,
+            falling_and_rising: [current_of[2] - rising, rising],
             step_s,
         }
     }
 
-    /// The same with steps of `step_s`, computed anew where that is another length.
-    pub fn set_length(&mut self, motor: &MotorParameters, inertia_kg_m2: f64, step_s: f64) {
-        if (step_s - self.step_s).abs() > SAME_LENGTH_S {
-            *self = Self::new(motor, inertia_kg_m2, step_s);
-        }
-    }
-
-    /// Length of the step.
-    pub fn step_s(&self) -> f64 {
-        self.step_s
-    }
-
-    /// What drives the current through a period of the PWM.
-    #[inline]
-    pub fn volts(&self, current_a: f64, speed: f64, voltage_v: f64, terms: &Balance) -> Volts {
-        Volts {
-            mean_v: voltage_v + terms.voltage_v,
-            emf_v: self.torque_constant_nm_per_a * speed,
-            lost_v: (self.resistance_ohm + terms.resistance_ohm) * current_a,
-            drops: terms.drops(),
-        }
-    }
-
-    /// Current and speed at the end of the step.
+    /// Current and speed at the end of the step, with the input of its end.
     // A simulation calls it in its loop. Returned through memory, its numbers would be waited for.
     #[inline(always)]
-    pub fn take(&self, current_a: f64, speed: f64, input: Input, terms: &Balance) -> Reached {
+    pub fn take(&self, current_a: f64, speed: f64, input: Input, late: Late, terms: &Balance) -> Reached {
         let voltage_v = match input {
             Input::Voltage(voltage_v) => voltage_v,
-            Input::Current(imposed_a) => {
-                let torque_nm = terms.torque_nm + self.torque_constant_nm_per_a * imposed_a;
-                let free = self.open_speed_of[0] * speed + self.open_speed_of[1] * torque_nm;
-                let speed_rad_per_s = oppose_motion(speed, free, self.open_speed_of[1], terms);
-                return Reached { current_a: imposed_a, speed_rad_per_s, mean_a: imposed_a };
-            }
+            Input::Current(imposed_a) => return self.imposed([imposed_a; 2], speed, terms),
         };
         let inputs = [current_a, speed, voltage_v + terms.voltage_v, terms.torque_nm];
         let dot = |row: &[f64; 4]| row[0] * inputs[0] + row[1] * inputs[1] + row[2] * inputs[2] + row[3] * inputs[3];
-        let free_a = dot(&self.current_of);
+        let late_v = if late.by_v == 0.0 {
+            0.0
+        } else {
+            // The drops change with the pulse.
+            late.by_v - late.by_share * against(current_a, terms.ripple.drops_of_pulse_v(terms.drops()))
+        };
+        let free_a = dot(&self.current_of) - late_v * late.of_a_volt[0];
         let gain = self.current_of[2];
         let dry_a = terms.ripple.mean_drops_v(terms.drops()).map(|drop_v| gain * drop_v);
-        let before_and_after = || if current_a < 0.0 { [dry_a[1], dry_a[0]] } else { dry_a };
-        let flowing_a = match terms.drops_with_the_mean() {
-            true => {
-                let dry_a = dry_a[usize::from(free_a < 0.0)];
-                let left_a = eased_a(free_a, dry_a, terms.knee_a);
-                turned(current_a, left_a, free_a, || {
-                    [dry_a * (current_a.abs() / terms.knee_a).tanh(), (free_a - left_a).abs()]
-                })
+        let flowing_a = if terms.drops_with_the_mean() {
+            let dry_a = dry_a[usize::from(free_a < 0.0)];
+            let left_a = eased_a(free_a, dry_a, terms.knee_a);
+            turned(current_a, left_a, free_a, || {
+                [dry_a * (current_a.abs() / terms.knee_a).tanh(), (free_a - left_a).abs()]
+            })
+        } else {
+            // Where the current touches zero, it follows the volts at once: those at the end of the step count.
+            let ahead = || volts(&self.motor, current_a, self.driven(current_a, speed, terms), voltage_v, terms);
+            let left_a = terms.ripple.against_drops(free_a, dry_a, ahead);
+            if left_a != free_a - dry_a[0] && left_a != free_a + dry_a[1] {
+                return self.imposed([current_a, left_a], speed, terms);
             }
-            false => {
-                let left_a =
-                    terms.ripple.against_drops(free_a, dry_a, || self.volts(current_a, speed, voltage_v, terms));
-                // One that hangs on what pulses leave has no time of its own.
-                let is_whole = left_a == free_a - dry_a[0] || left_a == free_a + dry_a[1];
-                if is_whole { turned(current_a, left_a, free_a, before_and_after) } else { left_a }
-            }
+            turned(current_a, left_a, free_a, || if current_a < 0.0 { [dry_a[1], dry_a[0]] } else { dry_a })
         };
-        let left_a = slowed(flowing_a, gain * terms.resistance_ohm);
+        let left_a = slowed(current_a, flowing_a, self.falling_and_rising, terms.resistance_ohm);
         let lost_v = (free_a - left_a) * self.inverse_gains[0];
-        let free = dot(&self.speed_of) - self.speed_of[2] * lost_v;
+        let free = dot(&self.speed_of) - late_v * late.of_a_volt[1] - self.speed_of[2] * lost_v;
         let speed_rad_per_s = oppose_motion(speed, free, self.speed_of[3], terms);
         let lost_nm = (free - speed_rad_per_s) * self.inverse_gains[1];
         let reached_a = left_a - self.current_of[3] * lost_nm;
         // What the resistance takes on the average is what emf and inductance leave of the voltage.
-        let emf_v = self.torque_constant_nm_per_a * 0.5 * (speed + speed_rad_per_s);
+        let emf_v = self.motor.torque_constant_nm_per_a * 0.5 * (speed + speed_rad_per_s);
         let induced_v = self.inductance_over_step_ohm * (reached_a - current_a);
-        let mean_a = (inputs[2] - lost_v - emf_v - induced_v) * self.conductance_siemens;
+        let mean_a = (inputs[2] - late_v * late.missing - lost_v - emf_v - induced_v) * self.conductance_siemens;
         Reached { current_a: reached_a, speed_rad_per_s, mean_a }
+    }
+
+    /// The same where the current changes evenly from one to another, whatever the winding is.
+    #[inline]
+    fn imposed(&self, [from_a, to_a]: [f64; 2], speed: f64, terms: &Balance) -> Reached {
+        let mean_a = 0.5 * (from_a + to_a);
+        Reached { current_a: to_a, speed_rad_per_s: self.driven(mean_a, speed, terms), mean_a }
+    }
+
+    /// Speed at the end of the step with this mean current.
+    #[inline]
+    fn driven(&self, mean_a: f64, speed: f64, terms: &Balance) -> f64 {
+        let torque_nm = terms.torque_nm + self.motor.torque_constant_nm_per_a * mean_a;
+        let free = self.open_speed_of[0] * speed + self.open_speed_of[1] * torque_nm;
+        oppose_motion(speed, free, self.open_speed_of[1], terms)
+    }
+}
+
+/// What drives the current through a period of the PWM. What effects lose in a resistance counts as back-EMF: it is not in
+/// the time constant of the winding.
+#[inline]
+pub fn volts(motor: &MotorParameters, current_a: f64, speed: f64, voltage_v: f64, terms: &Balance) -> Volts {
+    Volts {
+        mean_v: voltage_v + terms.voltage_v,
+        emf_v: motor.torque_constant_nm_per_a * speed + terms.resistance_ohm * current_a,
+        lost_v: motor.resistance_ohm * current_a,
+        drops: terms.drops(),
+    }
+}
+
+/// Steps of one motor, and what it does with a volt: each is computed once.
+#[derive(Clone, Debug, Default)]
+pub struct LinearSteps {
+    /// Of the last lengths that were asked for.
+    kept: Vec<LinearStep>,
+    last: usize,
+    /// Current and speed of a volt after evenly spaced times.
+    of_a_volt: Vec<[f64; 2]>,
+    longest_s: f64,
+}
+
+impl LinearSteps {
+    /// A step of `step_s`, as [`LinearStep::new`]. All calls have the same motor and inertia.
+    #[inline]
+    pub fn of_length(&mut self, motor: &MotorParameters, inertia_kg_m2: f64, step_s: f64) -> &LinearStep {
+        let is_it = |kept: &LinearStep| (kept.step_s - step_s).abs() <= SAME_LENGTH * step_s;
+        match self.kept.iter().position(is_it) {
+            Some(index) => &self.kept[index],
+            None => self.another(motor, inertia_kg_m2, step_s),
+        }
+    }
+
+    /// A voltage that changes by `by_v`, and the pulse by `by_share` of a period, `rest_s` before the end of a step.
+    #[inline]
+    pub fn late(
+        &mut self,
+        motor: &MotorParameters,
+        inertia_kg_m2: f64,
+        [step_s, rest_s]: [f64; 2],
+        [by_v, by_share]: [f64; 2],
+    ) -> Late {
+        if step_s > self.longest_s {
+            self.look_ahead(motor, inertia_kg_m2, step_s);
+        }
+        let (whole, rest) = (self.of_a_volt(step_s), self.of_a_volt(rest_s));
+        let of_a_volt = [whole[0] - rest[0], whole[1] - rest[1]];
+        Late { by_v, by_share, missing: 1.0 - rest_s / step_s, of_a_volt }
+    }
+
+    #[cold]
+    fn look_ahead(&mut self, motor: &MotorParameters, inertia_kg_m2: f64, longest_s: f64) {
+        let after = |time: usize| match time {
+            0 => [0.0; 2],
+            _ => {
+                let LinearStep { current_of, speed_of, .. } =
+                    LinearStep::new(motor, inertia_kg_m2, time as f64 / TIMES * longest_s);
+                [current_of[2], speed_of[2]]
+            }
+        };
+        self.of_a_volt = (0..=TIMES as usize + 1).map(after).collect();
+        self.longest_s = longest_s;
+    }
+
+    /// In straight lines between the times.
+    #[inline]
+    fn of_a_volt(&self, after_s: f64) -> [f64; 2] {
+        let at = after_s / self.longest_s * TIMES;
+        let share = at - at.floor();
+        let [from, to] = [0, 1].map(|next| self.of_a_volt[at as usize + next]);
+        [0, 1].map(|place| from[place] + share * (to[place] - from[place]))
+    }
+
+    #[cold]
+    fn another(&mut self, motor: &MotorParameters, inertia_kg_m2: f64, step_s: f64) -> &LinearStep {
+        let step = LinearStep::new(motor, inertia_kg_m2, step_s);
+        if self.kept.len() < KEPT {
+            self.kept.push(step);
+            return &self.kept[self.kept.len() - 1];
+        }
+        self.last = (self.last + 1) % KEPT;
+        self.kept[self.last] = step;
+        &self.kept[self.last]
     }
 }
 
@@ -171,13 +270,19 @@ pub fn oppose_motion(before: f64, free: f64, gain: f64, terms: &Balance) -> f64 
     let backward = gain * terms.dry_backward_nm.max(0.0);
     let moving = if free > forward { free - forward } else { (free + backward).min(0.0) };
     let turned = turned(before, moving, free, || if before > 0.0 { [forward, backward] } else { [backward, forward] });
-    slowed(turned, gain * terms.viscous_nm_s)
+    slowed(before, turned, [0.5 * gain; 2], terms.viscous_nm_s)
 }
 
-/// What a loss proportional to a value leaves of it. Mostly there is none, and a quotient takes long.
+/// What a loss in proportion to a value leaves of it, where the value changes evenly from `before` over the step; `gains`: of
+/// the loss at its begin and at its end. Mostly there is none, and a quotient takes long.
 #[inline]
-fn slowed(value: f64, loss: f64) -> f64 {
-    if loss == 0.0 { value } else { value / (1.0 + loss) }
+fn slowed(before: f64, without: f64, gains: [f64; 2], loss: f64) -> f64 {
+    if loss == 0.0 {
+        return without;
+    }
+    let left = (without - gains[0] * loss * before) / (1.0 + gains[1] * loss);
+    // A loss alone does not turn a value round.
+    if left * without >= 0.0 { left } else { without / (1.0 + (gains[0] + gains[1]) * loss) }
 }
 
 /// What a dry loss leaves of something that has turned round in a step: until it did, the loss acted the other way. `left`:
@@ -197,6 +302,7 @@ fn turned(before: f64, left: f64, free: f64, dry: impl FnOnce() -> [f64; 2]) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pwm_period::Ripple;
 
     /// What a current-controlled drive imposes makes its torque whatever winding is behind it.
     #[test]
@@ -205,7 +311,7 @@ mod tests {
         let other = MotorParameters { resistance_ohm: 100.0, inductance_h: 1.0, ..motor };
         let after = |motor: &MotorParameters| {
             let step = LinearStep::new(motor, motor.inertia_kg_m2, 0.05);
-            step.take(3.0, 10.0, Input::Current(0.5), &Balance::default())
+            step.take(3.0, 10.0, Input::Current(0.5), Late::default(), &Balance::default())
         };
         let reached = after(&motor);
         assert_eq!((reached.current_a, reached.mean_a), (0.5, 0.5));
@@ -215,6 +321,77 @@ mod tests {
         assert!((reached.speed_rad_per_s - (steady + (10.0 - steady) * left)).abs() < 1e-9);
     }
 
+    /// A resistance of an effect beside the winding, as if it were of the winding.
+    #[test]
+    fn a_resistance_of_an_effect_is_one_of_the_winding() {
+        let motor = MotorParameters::PIVT6;
+        let wider = MotorParameters { resistance_ohm: motor.resistance_ohm + 1.5, ..motor };
+        let terms = Balance { resistance_ohm: 1.5, ..Balance::default() };
+        let after = |motor: &MotorParameters, terms: &Balance| {
+            let step = LinearStep::new(motor, motor.inertia_kg_m2, 2e-4);
+            let input = Input::Voltage(12.0);
+            step.take(0.3, 20.0, input, Late::default(), terms).current_a
+        };
+        let (exact_a, found_a) = (after(&wider, &Balance::default()), after(&motor, &terms));
+        let taken_a = after(&motor, &Balance::default()) - exact_a;
+        assert!((found_a - exact_a).abs() < 0.03 * taken_a, "{found_a} {exact_a} {taken_a}");
+    }
+
+    /// One step with a voltage that changes within it leads where two steps do.
+    #[test]
+    fn a_voltage_that_changes_within_a_step_acts_when_it_does() {
+        let motor = MotorParameters::PIVT6;
+        let step = |step_s: f64| LinearStep::new(&motor, motor.inertia_kg_m2, step_s);
+        let terms = Balance::default();
+        for rest_s in [0.1e-3, 0.37e-3, 0.99e-3] {
+            let first = step(1e-3 - rest_s).take(0.2, 30.0, Input::Voltage(5.0), Late::default(), &terms);
+            let input = Input::Voltage(5.8);
+            let rest = step(rest_s).take(first.current_a, first.speed_rad_per_s, input, Late::default(), &terms);
+            let late = LinearSteps::default().late(&motor, motor.inertia_kg_m2, [1e-3, rest_s], [0.8, 0.0]);
+            let one = step(1e-3).take(0.2, 30.0, input, late, &terms);
+            assert!((one.current_a - rest.current_a).abs() < 1e-5, "{rest_s}: {one:?} {rest:?}");
+            assert!((one.speed_rad_per_s - rest.speed_rad_per_s).abs() < 1e-4, "{rest_s}: {one:?} {rest:?}");
+            let mean_a = ((1e-3 - rest_s) * first.mean_a + rest_s * rest.mean_a) / 1e-3;
+            assert!((one.mean_a - mean_a).abs() < 1e-3, "{rest_s}: {one:?} {mean_a}");
+        }
+    }
+
+    /// While the current touches zero in each period, it follows command, speed and friction, in long steps as in short ones.
+    #[test]
+    fn a_current_that_touches_zero_follows_in_long_steps() {
+        let motor = MotorParameters::PIVT6;
+        let friction_nm = 0.01 * motor.torque_constant_nm_per_a;
+        let course = |parts: u32| {
+            let step = LinearStep::new(&motor, motor.inertia_kg_m2, 1e-3 / f64::from(parts));
+            let (mut current_a, mut speed) = (0.0, 60.0);
+            let mut course = Vec::new();
+            for row in 0..400 {
+                let duty = 0.5 - 0.2 * (f64::from(row) * 0.02).sin();
+                let ripple = Ripple::new(motor.inductance_h, motor.resistance_ohm, 980.0).with_duty(duty);
+                let terms = Balance {
+                    dry_drop_v: 1.5,
+                    resistance_ohm: 0.8,
+                    ripple: &ripple,
+                    dry_forward_nm: friction_nm,
+                    dry_backward_nm: friction_nm,
+                    ..Balance::default()
+                };
+                for _ in 0..parts {
+                    let reached = step.take(current_a, speed, Input::Voltage(12.0 * duty), Late::default(), &terms);
+                    (current_a, speed) = (reached.current_a, reached.speed_rad_per_s);
+                }
+                course.push([current_a, speed]);
+            }
+            course
+        };
+        let (long, short) = (course(1), course(16));
+        let error = |place: usize| {
+            let squares = long.iter().zip(&short).map(|(long, short)| (long[place] - short[place]).powi(2));
+            (squares.sum::<f64>() / long.len() as f64).sqrt()
+        };
+        assert!(error(0) < 1e-3 && error(1) < 0.15, "{} A, {} rad/s", error(0), error(1));
+    }
+
     /// Until the current has turned round, its drop works the other way.
     #[test]
     fn a_drop_turns_round_with_the_current_within_a_step() {
@@ -222,7 +399,7 @@ mod tests {
         let after = |steps: i32, terms: &Balance| {
             let step = LinearStep::new(&motor, motor.inertia_kg_m2, 2e-4 / f64::from(steps));
             (0..steps).fold((0.15, 0.0), |(current_a, speed), _| {
-                let reached = step.take(current_a, speed, Input::Voltage(-12.0), terms);
+                let reached = step.take(current_a, speed, Input::Voltage(-12.0), Late::default(), terms);
                 (reached.current_a, reached.speed_rad_per_s)
             })
         };

@@ -135,14 +135,23 @@ impl Ripple {
         if self.sense < 0.0 { [mean_v(return_v), mean_v(pulse_v)] } else { [mean_v(pulse_v), mean_v(return_v)] }
     }
 
+    /// By how much these grow with the pulse's share of the period.
+    #[inline]
+    pub fn drops_of_pulse_v(&self, Drops { pulse_v, return_v, off_v }: Drops) -> [f64; 2] {
+        let [with_v, against_v] = [pulse_v - off_v, return_v - off_v];
+        if self.sense < 0.0 { [against_v, with_v] } else { [with_v, against_v] }
+    }
+
     /// What drops leave of a mean current: `free_a` without them, `dry_a` what they take from a current that stays positive,
     /// and from one that stays negative. One that touches zero in each period has the mean that the volts say, whatever it
     /// was before.
-    #[inline]
+    #[inline(always)]
     pub fn against_drops(&self, free_a: f64, dry_a: [f64; 2], volts: impl FnOnce() -> Volts) -> f64 {
-        if dry_a == [0.0; 2] {
-            return free_a;
-        }
+        // Mostly there is a drop or there is none.
+        if dry_a == [0.0; 2] { free_a } else { self.left_by_drops(free_a, dry_a, volts) }
+    }
+
+    fn left_by_drops(&self, free_a: f64, dry_a: [f64; 2], volts: impl FnOnce() -> Volts) -> f64 {
         let (least_a, most_a) = (free_a - dry_a[0], free_a + dry_a[1]);
         // Not `clamp`: a simulation that has left all bounds is judged by its error.
         let within = |settled_a: f64| settled_a.max(least_a).min(most_a);

@@ -60,6 +60,7 @@ impl Model {
                 open: false,
                 current_a: 0.0,
                 speed_rad_per_s: sense * seen.max(LEAST_SPEED) * no_load_rad_per_s,
+                middle_rad_per_s: sense * seen.max(LEAST_SPEED) * no_load_rad_per_s,
                 angle_rad: std::f64::consts::TAU * index as f64 / ANGLES as f64,
                 turned_rad: sense * seen * no_load_rad_per_s * STEP_S,
                 step_s: STEP_S,

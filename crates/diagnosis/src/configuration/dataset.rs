@@ -179,7 +179,7 @@ pub(crate) mod held_rotor {
 
 /// [`crate::dataset::measured`].
 pub(crate) mod measured {
-    /// An error below this share of a quantity's spread is not named. Terms held over half a millisecond, a friction that
+    /// An error below this share of a quantity's spread is not named. Terms held over a millisecond, a friction that
     /// bends before it slips, and a speed read as a mean cause up to as much.
     pub const TOLERANCE: f64 = 0.01;
     /// Speeds from row to row share a count with the next. Their scatter makes them seem noisier by this factor than

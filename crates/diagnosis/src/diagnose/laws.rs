@@ -65,6 +65,12 @@ pub(super) fn refined(found: &Fit, data: &Dataset, prior: &Prior) -> Vec<Fit> {
     with_laws(found, data, prior, |term, scales| refined_laws(term, data, scales))
 }
 
+/// Whether an effect of a model has refined laws.
+pub(super) fn may_be_refined(found: &Fit, data: &Dataset) -> bool {
+    let scales = scales(&found.model.motor, data);
+    data.current().is_some() && found.model.terms.iter().any(|term| !refined_laws(term, data, &scales).is_empty())
+}
+
 /// A current that is read at an unknown moment of a period is off by its ripple. That depends on the duty, as does what an
 /// off phase takes.
 fn refined_laws(term: &Term, data: &Dataset, scales: &Scales) -> Vec<Vec<f64>> {

@@ -151,10 +151,12 @@ impl Chooser<'_> {
     /// With a refined law of an effect where that has very strong evidence, and with what shows only beside it. A law that
     /// only takes the place of another effect is none.
     fn refined(&self, found: Fit, steps: Vec<Step>) -> Way {
-        if self.data.current().is_none() {
+        if !laws::may_be_refined(&found, self.data) {
             return (found, steps);
         }
-        let refined = laws::refined(&found, self.data, self.prior).into_iter();
+        // What does not stand by the usual law need not stand by another.
+        let (standing, _) = self.pruned(found.clone());
+        let refined = laws::refined(&standing, self.data, self.prior).into_iter();
         let Some(best) = refined.min_by(|a, b| a.cost.total_cmp(&b.cost)) else { return (found, steps) };
         (self.progress)("beside another law");
         let (wider, added) = self.forward(best, Vec::new(), Lead::Evidence);

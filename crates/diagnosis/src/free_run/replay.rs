@@ -2,9 +2,7 @@
 //! one delay, so what simulates many models cuts them once.
 
 use super::{Course, Motion, Prediction, Steps, acts_by_angle, longest_step_s, read, run::Run};
-use crate::configuration::free_run::replay::{
-    LEAP, LONGEST_OF_SLOW_S, LONGEST_S, LONGEST_WITHOUT_CURRENT_S, MOST_KEPT, NOT_ZERO,
-};
+use crate::configuration::free_run::replay::{LEAP, LONGEST_OF_SLOW_S, LONGEST_S, MOST_KEPT, NOT_ZERO, OF_LEAP};
 use crate::dataset::{Dataset, Measured, Output, Stretch, Window};
 use motorbench_model::{Model, SAME_LENGTH_S};
 use std::ops::Range;
@@ -69,8 +67,6 @@ struct Cutting {
     steps: Steps,
     /// Longest step that the terms of the model allow.
     longest_step_s: f64,
-    /// Longest step for many rows.
-    usual_step_s: f64,
     delay_s: f64,
     /// By how much the delay grows in each second of the recording.
     delay_growth: f64,
@@ -83,7 +79,6 @@ impl Cutting {
         Self {
             steps,
             longest_step_s: longest_step_s(model),
-            usual_step_s: if data.current().is_some() { LONGEST_S } else { LONGEST_WITHOUT_CURRENT_S },
             delay_s: model.delay_s() + data.origin.timing.command_delay_s.unwrap_or(0.0),
             delay_growth: model.delay_growth(),
             by_angle: acts_by_angle(model),
@@ -91,13 +86,35 @@ impl Cutting {
     }
 
     fn longest_step_s(&self, stretch: &Stretch) -> f64 {
-        let usual_step_s = (0.1 * stretch.interval_s).clamp(self.usual_step_s, LONGEST_OF_SLOW_S);
+        let usual_step_s = (0.1 * stretch.interval_s).clamp(LONGEST_S, LONGEST_OF_SLOW_S);
         self.longest_step_s.min(match self.steps {
             Steps::Fine => usual_step_s,
             Steps::Coarse => 2.0 * usual_step_s,
+            Steps::Halved => 0.5 * usual_step_s.min(stretch.interval_s),
             Steps::AtMost(step_s) => step_s.min(usual_step_s),
         })
     }
+}
+
+/// A part of a step in which one voltage acts, or one with a small change.
+struct Part {
+    since_s: f64,
+    length_s: f64,
+    command: f64,
+    duty: f64,
+    change: Option<Change>,
+    open: bool,
+}
+
+/// A change of the command within a step.
+#[derive(Clone, Copy)]
+pub(super) struct Change {
+    /// By how much.
+    pub by: f64,
+    /// The same of the duty's magnitude.
+    pub by_share: f64,
+    /// For how long the step goes on after it.
+    pub rest_s: f64,
 }
 
 /// One step of the simulation.
@@ -105,8 +122,10 @@ pub(super) struct Piece {
     /// Its begin.
     pub time_s: f64,
     pub length_s: f64,
-    /// Mean of the command, as [`Dataset::command`], and its duty.
+    /// The command, as [`Dataset::command`], and its duty: the mean, or after the change.
     pub command: f64,
+    /// A change of the voltage within it.
+    pub change: Option<Change>,
     pub duty: f64,
     /// The duty over the whole period of the PWM.
     pub mean_duty: f64,
@@ -218,27 +237,75 @@ impl<'a> Knife<'a> {
             return;
         }
         let interval_s = data.time_s[index + 1] - data.time_s[index];
-        let steps = (interval_s / self.longest_step_s - 1e-6).ceil().max(1.0);
+        let delay_s = self.delay_at(index);
+        let acting = |since_s: f64| self.acting_at(index, since_s - delay_s);
+        let (first, last) = (acting(0.0), acting(interval_s));
+        let longest_step_s = self.longest_step_s * if self.leaps(index, last) { OF_LEAP } else { 1.0 };
+        let steps = (interval_s / longest_step_s - 1e-6).ceil().max(1.0);
         let step_s = interval_s / steps;
         let course = self.course(index);
-        for part in 0..steps as usize {
-            for (since_s, length_s) in self.pieces(index, part as f64 * step_s, step_s).into_iter().flatten() {
-                // The middle of the step represents it.
-                let delay_s = self.delay_at(index);
-                let (command, duty) = self.command(index, since_s - delay_s, length_s);
+        let mut before = first;
+        for step in 0..steps as usize {
+            let since_s = step as f64 * step_s;
+            // Mostly one command acts from the one sample to the next.
+            let after = if first == last { first } else { acting(since_s + step_s) };
+            for part in self.parts(index, (since_s, step_s), (before, after)).into_iter().flatten() {
+                let Part { since_s, length_s, command, duty, change, open } = part;
                 let middle = (since_s + 0.5 * length_s) / interval_s;
                 let [angle_rad, turned_rad] = Course::around(course.as_ref(), middle, 0.5 * length_s / interval_s);
-                pieces.push(Piece {
-                    time_s: data.time_s[index] + since_s,
-                    length_s,
-                    command,
-                    duty,
-                    mean_duty: duty,
-                    open: data.open[self.acting_at(index, since_s + 0.5 * length_s - delay_s)],
-                    angle_rad,
-                    turned_rad,
-                });
+                let time_s = data.time_s[index] + since_s;
+                let mean_duty = duty;
+                pieces.push(Piece { time_s, length_s, command, change, duty, mean_duty, open, angle_rad, turned_rad });
             }
+            before = after;
+        }
+    }
+
+    /// The parts of a step after sample `index`: where the bridge opens or closes, or the voltage jumps, another part begins. A
+    /// mean voltage over the whole step would reverse the current too early, and the drop with it. `before` and `after`: the
+    /// samples whose commands act at its begin and at its end.
+    fn parts(
+        &self,
+        index: usize,
+        (since_s, length_s): (f64, f64),
+        (before, after): (usize, usize),
+    ) -> [Option<Part>; 2] {
+        let data = self.data;
+        let part = |since_s: f64, length_s: f64, row: usize, change: Option<Change>| {
+            let (command, duty, open) = (data.command[row], data.duty[row], data.open[row]);
+            Some(Part { since_s, length_s, command, duty, change, open })
+        };
+        // Before a start from rest no command acted.
+        let has_begun = before > self.range.start || !self.from_rest;
+        if has_begun && after == before {
+            return [part(since_s, length_s, after, None), None];
+        }
+        let delay_s = self.delay_at(index);
+        let leap_v = LEAP * data.supply_v[before];
+        let leaps = |row: usize| (data.command[row] - data.command[before]).abs() > leap_v;
+        let reverses = |row: usize| data.duty[row] * data.duty[before] < 0.0;
+        let switches = |row: &usize| data.open[*row] != data.open[before] || leaps(*row) || reverses(*row);
+        let changes_s = |row: usize| data.acts_from_s(row) + delay_s - data.time_s[index] - since_s;
+        let is_within = |first_s: &f64| (SAME_LENGTH_S..length_s - SAME_LENGTH_S).contains(first_s);
+        if has_begun && after == before + 1 && data.axis.drive.is_voltage() {
+            let first_s = changes_s(after);
+            let rest_s = length_s - first_s;
+            if is_within(&first_s) && switches(&after) {
+                return [part(since_s, first_s, before, None), part(since_s + first_s, rest_s, after, None)];
+            } else if is_within(&first_s) {
+                let by = data.command[after] - data.command[before];
+                let by_share = data.duty[after].abs() - data.duty[before].abs();
+                return [part(since_s, length_s, after, Some(Change { by, by_share, rest_s })), None];
+            }
+        }
+        let mean = |since_s: f64, length_s: f64| {
+            let (command, duty) = self.command(index, since_s - delay_s, length_s);
+            let acting = self.acting_at(index, since_s + 0.5 * length_s - delay_s);
+            Some(Part { since_s, length_s, command, duty, change: None, open: data.open[acting] })
+        };
+        match (before + 1..=after).find(switches).map(changes_s).filter(is_within) {
+            Some(first_s) => [mean(since_s, first_s), mean(since_s + first_s, length_s - first_s)],
+            None => [mean(since_s, length_s), None],
         }
     }
 
@@ -271,6 +338,7 @@ impl<'a> Knife<'a> {
                 time_s: from_s,
                 length_s,
                 command: if is_pulse { data.command[row] / mean_duty.abs() } else { 0.0 },
+                change: None,
                 duty: if is_pulse { mean_duty.signum() } else { 0.0 },
                 mean_duty,
                 open: data.open[row],
@@ -298,27 +366,15 @@ impl<'a> Knife<'a> {
         if row + 1 < self.range.end { acts_s(row + 1) } else { f64::INFINITY }
     }
 
-    /// Start times and lengths of the parts of a step after sample `index`: between two parts the bridge opens or
-    /// closes, or the voltage jumps. A mean voltage over the whole step would reverse the current too early, and the
-    /// drop with it.
-    fn pieces(&self, index: usize, since_s: f64, length_s: f64) -> [Option<(f64, f64)>; 2] {
-        let whole = [Some((since_s, length_s)), None];
-        if !self.acts_within {
-            return whole;
-        }
+    /// Whether the voltage jumps between sample `index` and the next one, where the command of `last` acts: the current may turn
+    /// round.
+    fn leaps(&self, index: usize, last: usize) -> bool {
         let data = self.data;
-        let delay_s = self.delay_at(index);
-        let before = self.acting_at(index, since_s - delay_s);
-        let after = self.acting_at(index, since_s + length_s - delay_s);
-        let leap_v = LEAP * data.supply_v[before];
-        let leaps = |row: usize| (data.command[row] - data.command[before]).abs() > leap_v;
-        let switches = |row: &usize| data.open[*row] != data.open[before] || leaps(*row);
-        let Some(switched) = (before + 1..=after).find(switches) else { return whole };
-        let first_s = data.acts_from_s(switched) + delay_s - data.time_s[index] - since_s;
-        match (SAME_LENGTH_S..length_s - SAME_LENGTH_S).contains(&first_s) {
-            true => [Some((since_s, first_s)), Some((since_s + first_s, length_s - first_s))],
-            false => whole,
-        }
+        let before = match self.acts_within {
+            true => self.acting_at(index, -self.delay_at(index) - SAME_LENGTH_S),
+            false => index.max(self.range.start + 1) - 1,
+        };
+        (data.command[last] - data.command[before]).abs() > LEAP * data.supply_v[before]
     }
 
     /// By how much a command acts late around a row.

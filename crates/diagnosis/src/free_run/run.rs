@@ -1,6 +1,6 @@
 //! Simulates the motor of a model through one stretch of the data.
 
-use super::replay::{Cut, Piece};
+use super::replay::{Change, Cut, Piece};
 use super::{Motion, acts_by_angle, inertia_kg_m2};
 use crate::configuration::free_run::run::HELD_KG_M2;
 use crate::dataset::{Dataset, Stretch};
@@ -8,7 +8,7 @@ use motorbench_data::rig;
 use motorbench_model::catalogue::{ActsOn, Balance, Effect, Instant};
 use motorbench_model::motor::MotorParameters;
 use motorbench_model::pwm_period::Ripple;
-use motorbench_model::{Input, LinearStep, Model, Reached, SAME_LENGTH_S, SwitchedStep, Term};
+use motorbench_model::{Input, Late, LinearSteps, Model, Reached, SAME_LENGTH_S, SwitchedStep, Term, volts};
 use std::collections::VecDeque;
 use std::ops::Range;
 
@@ -42,6 +42,7 @@ pub(super) struct Run<'a> {
     acting: Vec<Acting<'a>>,
     current_a: f64,
     speed_rad_per_s: f64,
+    acceleration_rad_per_s2: f64,
     angle_rad: f64,
     /// By how much the measured angle lags behind.
     lost_rad: f64,
@@ -66,7 +67,7 @@ pub(super) struct Run<'a> {
 
 /// Steps of the motor.
 struct Stepper {
-    linear: LinearStep,
+    linear: LinearSteps,
     /// Where every edge of the PWM is simulated.
     switched: Option<SwitchedStep>,
 }
@@ -80,7 +81,7 @@ impl Stepper {
         inertia_kg_m2: f64,
         step_s: f64,
         (current_a, speed_rad_per_s): (f64, f64),
-        input: Input,
+        (input, change): (Input, Option<Change>),
         terms: &Balance,
     ) -> Reached {
         match (&mut self.switched, input) {
@@ -89,8 +90,11 @@ impl Stepper {
                 step.take(current_a, speed_rad_per_s, voltage_v, terms)
             }
             _ => {
-                self.linear.set_length(motor, inertia_kg_m2, step_s);
-                self.linear.take(current_a, speed_rad_per_s, input, terms)
+                let late = change.map_or(Late::default(), |Change { by, by_share, rest_s }| {
+                    self.linear.late(motor, inertia_kg_m2, [step_s, rest_s], [by, by_share])
+                });
+                let step = self.linear.of_length(motor, inertia_kg_m2, step_s);
+                step.take(current_a, speed_rad_per_s, input, late, terms)
             }
         }
     }
@@ -128,7 +132,7 @@ impl<'a> Run<'a> {
             range: stretch.rows.clone(),
             inertia_kg_m2: if data.is_held(stretch) { HELD_KG_M2 } else { inertia_kg_m2(model) },
             stepper: Stepper {
-                linear: LinearStep::default(),
+                linear: LinearSteps::default(),
                 switched: data.is_switched().then(SwitchedStep::default),
             },
             lately: VecDeque::new(),
@@ -139,6 +143,7 @@ impl<'a> Run<'a> {
             acting,
             current_a,
             speed_rad_per_s,
+            acceleration_rad_per_s2: 0.0,
             angle_rad: 0.0,
             lost_rad: 0.0,
             angle_sensor: of_the_angle.collect(),
@@ -216,16 +221,17 @@ impl<'a> Run<'a> {
             open: matches!(input, Input::Current(_)),
             current_a,
             speed_rad_per_s: self.speed_rad_per_s,
+            middle_rad_per_s: self.speed_rad_per_s + 0.5 * piece.length_s * self.acceleration_rad_per_s2,
             angle_rad: if self.acts_by_angle { self.shaft_rad(piece.angle_rad) } else { 0.0 },
             turned_rad: piece.turned_rad,
             step_s: piece.length_s,
         };
-        self.advance(&mut at, input, data.load_nm[index], is_kept)
+        self.advance(&mut at, (input, piece.change), data.load_nm[index], is_kept)
     }
 
     /// The mean current over the step.
     #[inline]
-    fn advance(&mut self, at: &mut Instant, input: Input, load_nm: f64, is_kept: bool) -> f64 {
+    fn advance(&mut self, at: &mut Instant, input: (Input, Option<Change>), load_nm: f64, is_kept: bool) -> f64 {
         let motor = &self.model.motor;
         if self.has_ripple {
             self.change_ripple(at.duty);
@@ -240,6 +246,7 @@ impl<'a> Run<'a> {
         let from = (self.current_a, self.speed_rad_per_s);
         let reached = self.stepper.take(motor, self.inertia_kg_m2, at.step_s, from, input, &terms);
         (self.current_a, self.speed_rad_per_s) = (reached.current_a, reached.speed_rad_per_s);
+        self.acceleration_rad_per_s2 = (self.speed_rad_per_s - before) / at.step_s;
         self.angle_rad += 0.5 * (before + self.speed_rad_per_s) * at.step_s;
         at.current_a = self.current_a;
         at.speed_rad_per_s = self.speed_rad_per_s;
@@ -310,7 +317,7 @@ impl<'a> Run<'a> {
         }
         let since_pulse = sampled_at - self.data.origin.pulse.begins_at(at.duty);
         let sampled_at = if since_pulse < 0.0 { since_pulse + 1.0 } else { since_pulse };
-        let volts = self.stepper.linear.volts(at.current_a, at.speed_rad_per_s, at.voltage_v, terms);
+        let volts = volts(&self.model.motor, at.current_a, at.speed_rad_per_s, at.voltage_v, terms);
         terms.ripple.sampled_a(at.current_a, sampled_at, &volts) - at.current_a
     }
 }

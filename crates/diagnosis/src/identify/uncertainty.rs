@@ -27,7 +27,7 @@ pub struct Uncertainty<'a> {
     fit: &'a Fit,
     /// One for each block length.
     covariances: Vec<DMatrix<f64>>,
-    /// Shift of each coordinate with steps twice as long.
+    /// Error of each coordinate from the steps of the simulation.
     shift: DVector<f64>,
     /// Error of each coordinate from the model's simplifications.
     simplified: Vec<f64>,
@@ -53,7 +53,7 @@ impl Fit {
         Uncertainty {
             fit: self,
             covariances: BLOCKS_S.iter().map(|block_s| self.covariance(data, *block_s)).collect(),
-            shift: self.shift_of_coarse_steps(data),
+            shift: self.error_of_steps(data),
             simplified: self.unknowns.iter().map(simplified).collect(),
         }
     }
@@ -94,10 +94,10 @@ impl Fit {
         inverse * middle * inverse
     }
 
-    /// Shift of each coordinate with steps twice as long: the order of the error from the steps.
-    fn shift_of_coarse_steps(&self, data: &Dataset) -> DVector<f64> {
-        let coarse = weighted_residual(data, &read(&self.model, data, drive(&self.model, data, Steps::Coarse)));
-        let change: Vec<f64> = coarse.iter().zip(&self.residual).map(|(coarse, fine)| coarse - fine).collect();
+    /// Twice the shift of each coordinate with steps half as long: the error of steps, if it is in proportion to their length.
+    fn error_of_steps(&self, data: &Dataset) -> DVector<f64> {
+        let halved = weighted_residual(data, &read(&self.model, data, drive(&self.model, data, Steps::Halved)));
+        let change: Vec<f64> = halved.iter().zip(&self.residual).map(|(halved, fine)| 2.0 * (halved - fine)).collect();
         let (Sensitivities { columns, .. }, inverse) = self.sensitivities(data);
         inverse * DVector::from_iterator(columns.len(), columns.iter().map(|column| dot(column, &change)))
     }

@@ -55,7 +55,7 @@ impl Law for CommutationRipple {
         let (sine, cosine) = (values[2] * at.angle_rad).sin_cos();
         let share = mean_over_middle(values[2], at.turned_rad) * (values[0] * cosine + values[1] * sine);
         let more_nm_per_a = share * motor.torque_constant_nm_per_a;
-        balance.voltage_v -= more_nm_per_a * at.speed_rad_per_s;
+        balance.voltage_v -= more_nm_per_a * at.middle_rad_per_s;
         balance.torque_nm += more_nm_per_a * at.current_a;
     }
 }
@@ -90,6 +90,7 @@ mod tests {
             open: false,
             current_a: 0.7,
             speed_rad_per_s: 60.0,
+            middle_rad_per_s: 60.0,
             angle_rad: 0.3,
             turned_rad: 0.05,
             step_s: 1e-3,

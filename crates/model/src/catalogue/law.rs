@@ -64,6 +64,8 @@ pub struct Instant {
     pub current_a: f64,
     /// Speed of the motor's shaft.
     pub speed_rad_per_s: f64,
+    /// The same in the middle of the step about to be taken, as the step before lets expect.
+    pub middle_rad_per_s: f64,
     /// Angle of the motor's shaft, from an unknown zero: as measured, less what the model says is wrong with it.
     pub angle_rad: f64,
     /// How far it turns in the step about to be taken, `angle_rad` being the middle; 0 where the step begins there.

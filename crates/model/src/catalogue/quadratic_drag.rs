@@ -51,7 +51,7 @@ impl Law for QuadraticDrag {
         _state: &mut [f64],
         balance: &mut Balance,
     ) {
-        balance.viscous_nm_s += values[0] * at.speed_rad_per_s.abs();
+        balance.viscous_nm_s += values[0] * at.middle_rad_per_s.abs();
     }
 }
 
@@ -85,7 +85,7 @@ impl Law for CubicDrag {
         _state: &mut [f64],
         balance: &mut Balance,
     ) {
-        balance.viscous_nm_s += values[0] * at.speed_rad_per_s.powi(2);
+        balance.viscous_nm_s += values[0] * at.middle_rad_per_s.powi(2);
     }
 }
 

@@ -40,7 +40,7 @@ impl Law for ResistanceGrowingWithSpeed {
         _state: &mut [f64],
         balance: &mut Balance,
     ) {
-        balance.resistance_ohm += values[0] * at.speed_rad_per_s.abs();
+        balance.resistance_ohm += values[0] * at.middle_rad_per_s.abs();
     }
 }
 

@@ -58,7 +58,7 @@ impl Law for StribeckFriction {
         _state: &mut [f64],
         balance: &mut Balance,
     ) {
-        let ratio = at.speed_rad_per_s.abs() / values[1].max(1e-9);
+        let ratio = at.middle_rad_per_s.abs() / values[1].max(1e-9);
         let power = if values[2] > 0.0 { ratio } else { ratio * ratio };
         let excess_nm = values[0] * (-power).exp();
         balance.dry_forward_nm += excess_nm;

@@ -117,6 +117,7 @@ impl FurtherTorques {
             open: true,
             current_a: state.current_a,
             speed_rad_per_s: state.speed_rad_per_s,
+            middle_rad_per_s: state.speed_rad_per_s,
             angle_rad: state.angle_rad,
             turned_rad: 0.0,
             step_s,

@@ -3,7 +3,7 @@
 use super::super::{Bridge, BridgeLosses, Inputs, Plant};
 use super::{LONGEST_STEP_S, motor_inertia_kg_m2};
 use motorbench_model::catalogue::{Balance, Instant};
-use motorbench_model::{Input, LinearStep, Model};
+use motorbench_model::{Input, Late, LinearSteps, Model};
 
 /// Time constant of the capacitor at the bridge: some tenths of an ohm and some millifarads.
 pub(super) const CAPACITOR_S: f64 = 1e-3;
@@ -13,8 +13,7 @@ pub(super) struct Stepwise {
     pub(super) model: Model,
     pub(super) bridge: BridgeLosses,
     pub(super) inertia_kg_m2: f64,
-    /// The lengths of the parts of PWM periods with and without a sample in them, used in turn.
-    pub(super) steps: [LinearStep; 4],
+    pub(super) steps: LinearSteps,
     pub(super) states: Vec<Vec<f64>>,
     pub(super) time_s: f64,
     pub(super) angle_rad: f64,
@@ -28,7 +27,7 @@ impl Stepwise {
     pub(super) fn new(bridge: BridgeLosses, model: Model) -> Self {
         Self {
             inertia_kg_m2: motor_inertia_kg_m2(&model),
-            steps: [LinearStep::default(); 4],
+            steps: LinearSteps::default(),
             states: model.terms.iter().map(|term| vec![0.0; term.effect.states()]).collect(),
             model,
             bridge,
@@ -41,20 +40,7 @@ impl Stepwise {
         }
     }
 
-    /// The step of this length, computed if it is none of the last.
-    pub(super) fn linear_step(&mut self, step_s: f64) -> LinearStep {
-        match self.steps.iter().find(|kept| (kept.step_s() - step_s).abs() <= 1e-12) {
-            Some(kept) => *kept,
-            None => {
-                self.steps.rotate_right(1);
-                self.steps[0] = LinearStep::new(&self.model.motor, self.inertia_kg_m2, step_s);
-                self.steps[0]
-            }
-        }
-    }
-
     pub(super) fn step(&mut self, step_s: f64, inputs: &Inputs) {
-        let linear = self.linear_step(step_s);
         let mut terms = Balance { torque_nm: -inputs.load_torque_nm, ..Balance::default() };
         let (duty, drop_v) = match inputs.bridge {
             Bridge::Forward => (1.0, self.bridge.drive_v),
@@ -74,6 +60,7 @@ impl Stepwise {
             open: false,
             current_a: self.current_a,
             speed_rad_per_s: self.speed_rad_per_s,
+            middle_rad_per_s: self.speed_rad_per_s,
             angle_rad: self.angle_rad,
             turned_rad: 0.0,
             step_s,
@@ -82,7 +69,8 @@ impl Stepwise {
             term.effect.contribute(&term.values, &self.model.motor, &at, state, &mut terms);
         }
         let before = self.speed_rad_per_s;
-        let reached = linear.take(self.current_a, before, Input::Voltage(at.voltage_v), &terms);
+        let linear = self.steps.of_length(&self.model.motor, self.inertia_kg_m2, step_s);
+        let reached = linear.take(self.current_a, before, Input::Voltage(at.voltage_v), Late::default(), &terms);
         (self.current_a, self.speed_rad_per_s) = (reached.current_a, reached.speed_rad_per_s);
         if inputs.blocked {
             self.speed_rad_per_s = 0.0;

@@ -24,7 +24,7 @@ pub(super) fn names_by_evidence(gain: &Gain, nats: f64) -> bool {
 }
 
 /// A model without one of its effects.
-struct Check {
+pub(super) struct Check {
     id: &'static str,
     without: Fit,
     /// The gain of the effect over it.
@@ -59,7 +59,7 @@ impl Chooser<'_> {
     }
 
     /// Drops effects without enough evidence, the weakest first.
-    fn pruned(&self, mut current: Fit) -> (Fit, Vec<Check>) {
+    pub(super) fn pruned(&self, mut current: Fit) -> (Fit, Vec<Check>) {
         loop {
             // After other effects have come and gone, the usual law may suffice.
             current = self.or_other_laws(current, Term::has_another_law);
