@@ -137,14 +137,13 @@ pub fn position(model: &Model, data: &Dataset) -> Vec<f64> {
 /// rest it stays at rest.
 pub fn nudged(model: &Model, data: &Dataset, motion: &Motion, added: impl Fn(&Instant) -> Balance<'static>) -> Motion {
     let mut nudged = motion.clone();
-    let inertia_kg_m2 = inertia_kg_m2(model);
-    let mut steps = LinearSteps::default();
+    let mut steps = LinearSteps::new(&model.motor, inertia_kg_m2(model));
     for Stretch { rows: range, .. } in data.stretches.iter().filter(|stretch| !data.is_held(stretch)) {
         let (mut current_a, mut speed_rad_per_s, mut angle_rad) = (0.0, 0.0, 0.0);
         for index in range.start..range.end - 1 {
             let next = index + 1;
             let step_s = data.time_s[next] - data.time_s[index];
-            let step = steps.of_length(&model.motor, inertia_kg_m2, step_s);
+            let step = steps.of_length(step_s);
             let at = motion.instant(data, index);
             let before = speed_rad_per_s;
             let Balance { torque_nm, voltage_v, .. } = added(&at);

@@ -166,8 +166,10 @@ pub fn volts(motor: &MotorParameters, current_a: f64, speed: f64, voltage_v: f64
 }
 
 /// Steps of one motor, and what it does with a volt: each is computed once.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct LinearSteps {
+    motor: MotorParameters,
+    inertia_kg_m2: f64,
     /// Of the last lengths that were asked for.
     kept: Vec<LinearStep>,
     last: usize,
@@ -177,27 +179,26 @@ pub struct LinearSteps {
 }
 
 impl LinearSteps {
-    /// A step of `step_s`, as [`LinearStep::new`]. All calls have the same motor and inertia.
+    /// With `inertia_kg_m2` at the motor's own shaft.
+    pub fn new(motor: &MotorParameters, inertia_kg_m2: f64) -> Self {
+        Self { motor: *motor, inertia_kg_m2, kept: Vec::new(), last: 0, of_a_volt: Vec::new(), longest_s: 0.0 }
+    }
+
+    /// A step of `step_s`, as [`LinearStep::new`].
     #[inline]
-    pub fn of_length(&mut self, motor: &MotorParameters, inertia_kg_m2: f64, step_s: f64) -> &LinearStep {
+    pub fn of_length(&mut self, step_s: f64) -> &LinearStep {
         let is_it = |kept: &LinearStep| (kept.step_s - step_s).abs() <= SAME_LENGTH * step_s;
         match self.kept.iter().position(is_it) {
             Some(index) => &self.kept[index],
-            None => self.another(motor, inertia_kg_m2, step_s),
+            None => self.another(step_s),
         }
     }
 
     /// A voltage that changes by `by_v`, and the pulse by `by_share` of a period, `rest_s` before the end of a step.
     #[inline]
-    pub fn late(
-        &mut self,
-        motor: &MotorParameters,
-        inertia_kg_m2: f64,
-        [step_s, rest_s]: [f64; 2],
-        [by_v, by_share]: [f64; 2],
-    ) -> Late {
+    pub fn late(&mut self, [step_s, rest_s]: [f64; 2], [by_v, by_share]: [f64; 2]) -> Late {
         if step_s > self.longest_s {
-            self.look_ahead(motor, inertia_kg_m2, step_s);
+            self.look_ahead(step_s);
         }
         let (whole, rest) = (self.of_a_volt(step_s), self.of_a_volt(rest_s));
         let of_a_volt = [whole[0] - rest[0], whole[1] - rest[1]];
@@ -205,12 +206,12 @@ impl LinearSteps {
     }
 
     #[cold]
-    fn look_ahead(&mut self, motor: &MotorParameters, inertia_kg_m2: f64, longest_s: f64) {
+    fn look_ahead(&mut self, longest_s: f64) {
         let after = |time: usize| match time {
             0 => [0.0; 2],
             _ => {
                 let LinearStep { current_of, speed_of, .. } =
-                    LinearStep::new(motor, inertia_kg_m2, time as f64 / TIMES * longest_s);
+                    LinearStep::new(&self.motor, self.inertia_kg_m2, time as f64 / TIMES * longest_s);
                 [current_of[2], speed_of[2]]
             }
         };
@@ -228,8 +229,8 @@ impl LinearSteps {
     }
 
     #[cold]
-    fn another(&mut self, motor: &MotorParameters, inertia_kg_m2: f64, step_s: f64) -> &LinearStep {
-        let step = LinearStep::new(motor, inertia_kg_m2, step_s);
+    fn another(&mut self, step_s: f64) -> &LinearStep {
+        let step = LinearStep::new(&self.motor, self.inertia_kg_m2, step_s);
         if self.kept.len() < KEPT {
             self.kept.push(step);
             return &self.kept[self.kept.len() - 1];
@@ -347,7 +348,7 @@ mod tests {
             let first = step(1e-3 - rest_s).take(0.2, 30.0, Input::Voltage(5.0), Late::default(), &terms);
             let input = Input::Voltage(5.8);
             let rest = step(rest_s).take(first.current_a, first.speed_rad_per_s, input, Late::default(), &terms);
-            let late = LinearSteps::default().late(&motor, motor.inertia_kg_m2, [1e-3, rest_s], [0.8, 0.0]);
+            let late = LinearSteps::new(&motor, motor.inertia_kg_m2).late([1e-3, rest_s], [0.8, 0.0]);
             let one = step(1e-3).take(0.2, 30.0, input, late, &terms);
             assert!((one.current_a - rest.current_a).abs() < 1e-5, "{rest_s}: {one:?} {rest:?}");
             assert!((one.speed_rad_per_s - rest.speed_rad_per_s).abs() < 1e-4, "{rest_s}: {one:?} {rest:?}");

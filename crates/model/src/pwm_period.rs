@@ -147,7 +147,7 @@ impl Ripple {
     /// was before.
     #[inline(always)]
     pub fn against_drops(&self, free_a: f64, dry_a: [f64; 2], volts: impl FnOnce() -> Volts) -> f64 {
-        // Mostly there is a drop or there is none.
+        // Inlined, so that a bridge without a drop costs a comparison alone.
         if dry_a == [0.0; 2] { free_a } else { self.left_by_drops(free_a, dry_a, volts) }
     }
 

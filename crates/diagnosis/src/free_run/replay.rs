@@ -240,7 +240,8 @@ impl<'a> Knife<'a> {
         let delay_s = self.delay_at(index);
         let acting = |since_s: f64| self.acting_at(index, since_s - delay_s);
         let (first, last) = (acting(0.0), acting(interval_s));
-        let longest_step_s = self.longest_step_s * if self.leaps(index, last) { OF_LEAP } else { 1.0 };
+        let longest_step_s =
+            self.longest_step_s * if self.leaps(self.acting_before(index), last) { OF_LEAP } else { 1.0 };
         let steps = (interval_s / longest_step_s - 1e-6).ceil().max(1.0);
         let step_s = interval_s / steps;
         let course = self.course(index);
@@ -281,14 +282,12 @@ impl<'a> Knife<'a> {
             return [part(since_s, length_s, after, None), None];
         }
         let delay_s = self.delay_at(index);
-        let leap_v = LEAP * data.supply_v[before];
-        let leaps = |row: usize| (data.command[row] - data.command[before]).abs() > leap_v;
         let reverses = |row: usize| data.duty[row] * data.duty[before] < 0.0;
-        let switches = |row: &usize| data.open[*row] != data.open[before] || leaps(*row) || reverses(*row);
-        let changes_s = |row: usize| data.acts_from_s(row) + delay_s - data.time_s[index] - since_s;
+        let switches = |row: &usize| data.open[*row] != data.open[before] || self.leaps(before, *row) || reverses(*row);
+        let acts_s = |row: usize| data.acts_from_s(row) + delay_s - data.time_s[index] - since_s;
         let is_within = |first_s: &f64| (SAME_LENGTH_S..length_s - SAME_LENGTH_S).contains(first_s);
         if has_begun && after == before + 1 && data.axis.drive.is_voltage() {
-            let first_s = changes_s(after);
+            let first_s = acts_s(after);
             let rest_s = length_s - first_s;
             if is_within(&first_s) && switches(&after) {
                 return [part(since_s, first_s, before, None), part(since_s + first_s, rest_s, after, None)];
@@ -303,7 +302,7 @@ impl<'a> Knife<'a> {
             let acting = self.acting_at(index, since_s + 0.5 * length_s - delay_s);
             Some(Part { since_s, length_s, command, duty, change: None, open: data.open[acting] })
         };
-        match (before + 1..=after).find(switches).map(changes_s).filter(is_within) {
+        match (before + 1..=after).find(switches).map(acts_s).filter(is_within) {
             Some(first_s) => [mean(since_s, first_s), mean(since_s + first_s, length_s - first_s)],
             None => [mean(since_s, length_s), None],
         }
@@ -366,15 +365,17 @@ impl<'a> Knife<'a> {
         if row + 1 < self.range.end { acts_s(row + 1) } else { f64::INFINITY }
     }
 
-    /// Whether the voltage jumps between sample `index` and the next one, where the command of `last` acts: the current may turn
-    /// round.
-    fn leaps(&self, index: usize, last: usize) -> bool {
-        let data = self.data;
-        let before = match self.acts_within {
+    /// Whether the voltage jumps from the command of one sample to that of another: the current may turn round.
+    fn leaps(&self, from: usize, to: usize) -> bool {
+        (self.data.command[to] - self.data.command[from]).abs() > LEAP * self.data.supply_v[from]
+    }
+
+    /// The sample whose command acts until sample `index`.
+    fn acting_before(&self, index: usize) -> usize {
+        match self.acts_within {
             true => self.acting_at(index, -self.delay_at(index) - SAME_LENGTH_S),
             false => index.max(self.range.start + 1) - 1,
-        };
-        (data.command[last] - data.command[before]).abs() > LEAP * data.supply_v[before]
+        }
     }
 
     /// By how much a command acts late around a row.

@@ -91,9 +91,9 @@ impl Stepper {
             }
             _ => {
                 let late = change.map_or(Late::default(), |Change { by, by_share, rest_s }| {
-                    self.linear.late(motor, inertia_kg_m2, [step_s, rest_s], [by, by_share])
+                    self.linear.late([step_s, rest_s], [by, by_share])
                 });
-                let step = self.linear.of_length(motor, inertia_kg_m2, step_s);
+                let step = self.linear.of_length(step_s);
                 step.take(current_a, speed_rad_per_s, input, late, terms)
             }
         }
@@ -124,15 +124,16 @@ impl<'a> Run<'a> {
             state: term.effect.begins(speed_rad_per_s),
         });
         let acting: Vec<Acting> = acting.collect();
+        let inertia_kg_m2 = if data.is_held(stretch) { HELD_KG_M2 } else { inertia_kg_m2(model) };
         let of_the_angle = model.terms.iter().filter(|term| term.effect.about().acts_on == [ActsOn::AngleSensor]);
         Self {
             model,
             data,
             cut,
             range: stretch.rows.clone(),
-            inertia_kg_m2: if data.is_held(stretch) { HELD_KG_M2 } else { inertia_kg_m2(model) },
+            inertia_kg_m2,
             stepper: Stepper {
-                linear: LinearSteps::default(),
+                linear: LinearSteps::new(&model.motor, inertia_kg_m2),
                 switched: data.is_switched().then(SwitchedStep::default),
             },
             lately: VecDeque::new(),

@@ -12,7 +12,6 @@ pub(super) const CAPACITOR_S: f64 = 1e-3;
 pub(super) struct Stepwise {
     pub(super) model: Model,
     pub(super) bridge: BridgeLosses,
-    pub(super) inertia_kg_m2: f64,
     pub(super) steps: LinearSteps,
     pub(super) states: Vec<Vec<f64>>,
     pub(super) time_s: f64,
@@ -26,8 +25,7 @@ pub(super) struct Stepwise {
 impl Stepwise {
     pub(super) fn new(bridge: BridgeLosses, model: Model) -> Self {
         Self {
-            inertia_kg_m2: motor_inertia_kg_m2(&model),
-            steps: LinearSteps::default(),
+            steps: LinearSteps::new(&model.motor, motor_inertia_kg_m2(&model)),
             states: model.terms.iter().map(|term| vec![0.0; term.effect.states()]).collect(),
             model,
             bridge,
@@ -69,7 +67,7 @@ impl Stepwise {
             term.effect.contribute(&term.values, &self.model.motor, &at, state, &mut terms);
         }
         let before = self.speed_rad_per_s;
-        let linear = self.steps.of_length(&self.model.motor, self.inertia_kg_m2, step_s);
+        let linear = self.steps.of_length(step_s);
         let reached = linear.take(self.current_a, before, Input::Voltage(at.voltage_v), Late::default(), &terms);
         (self.current_a, self.speed_rad_per_s) = (reached.current_a, reached.speed_rad_per_s);
         if inputs.blocked {
