@@ -187,6 +187,8 @@ pub(crate) mod late_readings {
 pub(crate) mod lateness {
     /// Readings in this time count as one: a jump within it is not seen.
     pub const BLOCK_S: f64 = 4e-3;
+    /// The same where motors and rates of growth are compared.
+    pub const LONG_BLOCK_S: f64 = 3.0 * BLOCK_S;
     /// Time constant of a motor that answers at once.
     pub const QUICK_S: f64 = BLOCK_S;
     /// A buffer of 4096 bytes at 115,200 bits a second holds 0.36 s.

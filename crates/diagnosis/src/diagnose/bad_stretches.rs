@@ -2,7 +2,7 @@
 //! are garbled. One of them costs every name, since its error outweighs all others. They are found where what the model
 //! lacks stands out, and left out if everything else is explained without them.
 
-use super::judge::{BLOCK_S, NOT_NOISE, above_floor};
+use super::judge::BLOCK_S;
 use super::missing::lack;
 use super::residuals;
 use crate::configuration::diagnose::bad_stretches::{BELONGS, STANDS_OUT};
@@ -14,34 +14,50 @@ use std::ops::Range;
 
 /// The data without the greatest of such stretches that `found` shows, if there is one and not too much is left out.
 pub(super) fn without_greatest(data: &Dataset, found: &Fit) -> Option<Dataset> {
+    without(data, standing_out(&Lacks::new(data, found), |_| true)?)
+}
+
+/// The same of the stretches that adjoin one that is left out: they belong to it, and are less than it.
+pub(super) fn without_adjoining(data: &Dataset, found: &Fit) -> Option<Dataset> {
+    let adjoins = |rows: &Range<usize>| {
+        let left_out = |place: &Range<usize>| place.end == rows.start || place.start == rows.end;
+        data.origin.left_out.iter().any(left_out)
+    };
+    without(data, standing_out(&Lacks::new(data, found), adjoins)?)
+}
+
+fn without(data: &Dataset, rows: Range<usize>) -> Option<Dataset> {
     let mut rest = data.clone();
-    rest.leave_out_rows(standing_out(data, found)?);
+    rest.leave_out_rows(rows);
     let left_out: usize = rest.origin.left_out.iter().map(|rows| rows.len()).sum();
     let left: usize = rest.stretches.iter().map(|stretch| stretch.rows.len()).sum();
     (left > 0 && (left_out as f64) < MOST_LEFT_OUT * (left_out + left) as f64).then_some(rest)
 }
 
-/// The rows around the greatest lack, if that stands out.
-fn standing_out(data: &Dataset, found: &Fit) -> Option<Range<usize>> {
-    let place = if data.current().is_some() { ActsOn::Voltage } else { ActsOn::Torque };
-    let lack = lack(data, &found.model.motor, &residuals(data, &found.prediction), place).values;
-    let blocks: Vec<(Range<usize>, f64)> = data.stretches.iter().flat_map(|stretch| blocks(stretch, &lack)).collect();
-    let usual = median(blocks.iter().map(|(_, size)| *size));
-    // In noise alone something always stands out. There only what adjoins a place that is left out belongs to it.
-    let is_noise = above_floor(data, found) < NOT_NOISE;
-    let adjoins = |rows: &Range<usize>| {
-        let left_out = |place: &Range<usize>| place.end == rows.start || place.start == rows.end;
-        data.origin.left_out.iter().any(left_out)
-    };
-    let may = |block: &usize| !is_noise || adjoins(&blocks[*block].0);
-    let greatest = (0..blocks.len()).filter(may).max_by(|a, b| blocks[*a].1.total_cmp(&blocks[*b].1))?;
+/// What a model lacks in each block of rows.
+struct Lacks {
+    blocks: Vec<(Range<usize>, f64)>,
+    usual: f64,
+}
+
+impl Lacks {
+    fn new(data: &Dataset, found: &Fit) -> Self {
+        let place = if data.current().is_some() { ActsOn::Voltage } else { ActsOn::Torque };
+        let lack = lack(data, &found.model.motor, &residuals(data, &found.prediction), place).values;
+        let blocks: Vec<_> = data.stretches.iter().flat_map(|stretch| blocks(stretch, &lack)).collect();
+        let usual = median(blocks.iter().map(|(_, size)| *size));
+        Self { blocks, usual }
+    }
+}
+
+/// The rows around the greatest lack where it may be, if that stands out.
+fn standing_out(Lacks { blocks, usual }: &Lacks, may: impl Fn(&Range<usize>) -> bool) -> Option<Range<usize>> {
+    let possible = (0..blocks.len()).filter(|block| may(&blocks[*block].0));
+    let greatest = possible.max_by(|a, b| blocks[*a].1.total_cmp(&blocks[*b].1))?;
     if blocks[greatest].1 < STANDS_OUT * usual {
         return None;
     }
-    if is_noise {
-        return Some(blocks[greatest].0.clone());
-    }
-    let least = (BELONGS * blocks[greatest].1).max(usual);
+    let least = (BELONGS * blocks[greatest].1).max(*usual);
     let belongs = |block: &usize| blocks[*block].1 > least;
     let first = (0..greatest).rev().take_while(belongs).last().unwrap_or(greatest);
     let last = (greatest + 1..blocks.len()).take_while(belongs).last().unwrap_or(greatest);

@@ -10,8 +10,8 @@ use super::scale::Scale;
 use super::select::{self, Selection, Standing, select, usual_model};
 use super::trust::{is_of_a_scale, may_be_nothing, remove_effect, remove_untrusted};
 use super::{
-    bad_stretches, command_times, counter_stops, current_window, data_sheet, laws, pwm_frequency, pwm_phase,
-    ripple_phase, speed_reading, unseen_losses,
+    another_part, bad_stretches, command_times, counter_stops, current_window, data_sheet, laws, pwm_frequency,
+    pwm_phase, ripple_phase, speed_reading, unseen_losses,
 };
 use crate::configuration::diagnose::interpretation::BEYOND_DOUBT_SIGMAS;
 use crate::dataset::Dataset;
@@ -204,21 +204,42 @@ impl Interpreter<'_> {
             pwm_phase::settle_at_first(&mut data, self.prior);
         }
         settle_before_effects(&mut data, self.prior);
+        self.settle_by_usual(&mut data);
         let mut selection = self.select(&data);
-        if !pwm_phase::is_needed(&data, self.prior, &selection.last) {
-            (self.progress)("without a ripple of the PWM");
+        let found = &selection.last;
+        let is_needed =
+            pwm_phase::is_needed(&data, self.prior, found) && current_window::is_needed(&data, self.prior, found);
+        if !is_needed {
+            (self.progress)("without a ripple of the PWM or a mean over it");
             data = recorded;
             settle_before_effects(&mut data, self.prior);
             selection = self.select(&data);
         }
         (data, selection) = self.settled(data, selection);
-        if let Some((other, found)) = with_another_part_held_out(&data, self.prior, &selection) {
+        let is_explained = above_floor(&data, &selection.last) < NOT_NOISE;
+        let another = || another_part::held_out(&data, self.prior, &selection.widest);
+        if let Some((other, found)) = (!is_explained).then(another).flatten() {
             (self.progress)("with another part held out");
             let excluded = self.excluded(&other);
             selection = select::anew_from(&other, self.prior, &excluded, found, selection.steps, self.progress);
             data = other;
         }
         self.without_bad_stretches(&data, &selection).unwrap_or((data, selection))
+    }
+
+    /// Settings with which the usual effects explain everything, where they do not without them.
+    fn settle_by_usual(&self, data: &mut Dataset) {
+        if !data.axis.drive.is_voltage() {
+            return;
+        }
+        let usual = pwm_frequency::usual_bridge(data, self.prior);
+        if above_floor(data, &usual) < NOT_NOISE {
+            return;
+        }
+        match another_part::held_out_and_explained(data, self.prior, &usual) {
+            Some((other, _)) => *data = other,
+            None => current_window::settle_at_first(data, self.prior, &usual),
+        }
     }
 
     fn excluded(&self, data: &Dataset) -> Vec<&'static str> {
@@ -244,35 +265,42 @@ impl Interpreter<'_> {
         if above_floor(data, &found.last) < NOT_NOISE {
             return None;
         }
-        let mut rest = bad_stretches::without_greatest(data, &usual_model(data, self.prior, &self.excluded(data)))?;
+        let usual = usual_model(data, self.prior, &self.excluded(data));
+        let mut next = bad_stretches::without_greatest(data, &usual);
+        let mut model = found.last.model.clone();
         for _ in 0..MOST_PLACES {
             (self.progress)("without a stretch that does not follow its command");
+            let (rest, _) = self.without_adjoining(next?, &model);
             let selection = self.select(&rest);
-            let (other, selection) = self.settled(rest, selection);
-            let next = bad_stretches::without_greatest(&other, &selection.last);
-            if above_floor(&other, &selection.last) < NOT_NOISE {
-                // What adjoins such a stretch belongs to it.
-                let Some(next) = next else { return Some((other, selection)) };
-                let selection = self.select(&next);
-                return Some((next, selection));
+            let (rest, selection) = self.settled(rest, selection);
+            if above_floor(&rest, &selection.last) < NOT_NOISE {
+                return Some(self.without_remnants(rest, selection));
             }
-            rest = next?;
+            next = bad_stretches::without_greatest(&rest, &selection.last);
+            model = selection.last.model;
         }
         None
     }
-}
 
-/// What happens once, such as the moment at which a shaft breaks loose, is not known to a fit without the part that has it.
-/// If the seen data are explained and the held-out ones are not, another part is held out, where that one is explained.
-fn with_another_part_held_out(data: &Dataset, prior: &Prior, selection: &Selection) -> Option<(Dataset, Fit)> {
-    let widest = &selection.widest;
-    let is_seen_explained = widest.cost < NOT_NOISE.powi(2) * widest.used() as f64;
-    if above_floor(data, &selection.last) < NOT_NOISE || !is_seen_explained {
-        return None;
+    /// Without what adjoins the stretches that are left out: beside them it did not stand out.
+    fn without_adjoining(&self, mut rest: Dataset, model: &Model) -> (Dataset, Fit) {
+        let refit = |rest: &Dataset| fit(model, rest, self.prior, Effort::AGAIN);
+        let mut found = refit(&rest);
+        for _ in 0..MOST_PLACES {
+            let Some(next) = bad_stretches::without_adjoining(&rest, &found) else { break };
+            found = refit(&next);
+            rest = next;
+        }
+        (rest, found)
     }
-    let anew = |other: Dataset| {
-        let found = fit(&widest.model, &other, prior, Effort::AGAIN);
-        (other, found)
-    };
-    data.with_others_held_out().map(anew).find(|(other, found)| above_floor(other, found) < NOT_NOISE)
+
+    /// The same once everything is explained, where a remnant shows above the noise.
+    fn without_remnants(&self, data: Dataset, selection: Selection) -> (Dataset, Selection) {
+        let (rest, found) = self.without_adjoining(data.clone(), &selection.last.model);
+        if rest.origin.left_out == data.origin.left_out {
+            return (data, selection);
+        }
+        let anew = select::anew_from(&rest, self.prior, &self.excluded(&rest), found, selection.steps, self.progress);
+        (rest, anew)
+    }
 }

@@ -6,7 +6,7 @@
 
 use super::judge;
 use crate::configuration::diagnose::lateness::{
-    BLOCK_S, COARSE_GROWTH, FASTEST_GROWTH, FINE_GROWTH, LATEST_S, MOST_NATS, REFINED,
+    BLOCK_S, COARSE_GROWTH, FASTEST_GROWTH, FINE_GROWTH, LATEST_S, LONG_BLOCK_S, MOST_NATS, REFINED,
 };
 pub(super) use crate::configuration::diagnose::lateness::{JUMP_NATS, QUICK_S};
 use crate::dataset::{Dataset, LateCourse, Measured, Stretch};
@@ -35,16 +35,16 @@ pub(super) fn late_s(data: &Dataset, prediction: &Prediction, errors: &[f64]) ->
     (late_s, course)
 }
 
-/// What the readings cost with the lateness that brings a prediction closest, in natural units. The growth is searched in
-/// coarse steps alone.
+/// What the readings cost with the lateness that brings a prediction closest, in natural units: in long blocks, with a
+/// growth in coarse steps.
 pub(super) fn nats(data: &Dataset, prediction: &Prediction, errors: &[f64]) -> f64 {
-    let of = |stretch| Blocks::new(data, stretch, prediction, errors).cheapest_of_coarse().cost;
+    let of = |stretch| Blocks::new(data, stretch, prediction, errors, LONG_BLOCK_S).cheapest_of_coarse().cost;
     data.stretches.iter().map(of).sum()
 }
 
 /// The one lateness of all readings that brings a prediction closest, to a block.
 pub(super) fn constant_s(data: &Dataset, prediction: &Prediction, errors: &[f64]) -> f64 {
-    let of = |stretch| Blocks::new(data, stretch, prediction, errors);
+    let of = |stretch| Blocks::new(data, stretch, prediction, errors, BLOCK_S);
     let blocks: Vec<Blocks> = data.stretches.iter().map(of).collect();
     let Some(first) = blocks.first() else { return 0.0 };
     let (mut all, mut own) = (vec![0.0; states(first.block_s)], Vec::new());
@@ -148,11 +148,11 @@ struct Path {
 }
 
 impl Path {
-    /// The cheapest one. Its growth is searched in coarse steps, then in fine ones.
+    /// The cheapest one. Its growth is searched in coarse steps and long blocks, then in fine steps.
     fn of(data: &Dataset, stretch: &Stretch, prediction: &Prediction, errors: &[f64]) -> Self {
-        let blocks = Blocks::new(data, stretch, prediction, errors);
-        let Self { growth, .. } = blocks.cheapest_of_coarse();
-        blocks.cheapest_around(growth, FINE_GROWTH, (0.5 * COARSE_GROWTH / FINE_GROWTH).round() as i32)
+        let blocks = |block_s: f64| Blocks::new(data, stretch, prediction, errors, block_s);
+        let Self { growth, .. } = blocks(LONG_BLOCK_S).cheapest_of_coarse();
+        blocks(BLOCK_S).cheapest_around(growth, FINE_GROWTH, (0.5 * COARSE_GROWTH / FINE_GROWTH).round() as i32)
     }
 
     /// The rows between two jumps.
@@ -186,8 +186,8 @@ struct Quantity {
 }
 
 impl Blocks {
-    fn new(data: &Dataset, stretch: &Stretch, prediction: &Prediction, errors: &[f64]) -> Self {
-        let rows_of_block = (BLOCK_S / stretch.interval_s).round().max(1.0) as usize;
+    fn new(data: &Dataset, stretch: &Stretch, prediction: &Prediction, errors: &[f64], block_s: f64) -> Self {
+        let rows_of_block = (block_s / stretch.interval_s).round().max(1.0) as usize;
         let block_s = rows_of_block as f64 * stretch.interval_s;
         let rows = stretch.rows.clone();
         let in_blocks = |values: &[f64], error: f64| -> Vec<f64> {
@@ -263,10 +263,13 @@ impl Blocks {
         let independent = (self.block_s / judge::BLOCK_S).min(1.0);
         for Quantity { read, expected_back } in &self.quantities {
             let (read, expected) = (read[block], &expected_back[self.count - 1 - block..]);
+            if read.is_nan() {
+                continue;
+            }
             for ((nats, expected), before) in nats.iter_mut().zip(expected).zip(&expected[1..]) {
                 let left = read - (expected * (1.0 - part) + before * part);
                 let own = 0.5 * left * left * independent;
-                *nats += if own.is_finite() { own / (1.0 + own / MOST_NATS) } else { 0.0 };
+                *nats += if own.is_finite() { own * MOST_NATS / (own + MOST_NATS) } else { 0.0 };
             }
         }
     }

@@ -9,6 +9,7 @@
 //! 4. The reported constants are fitted once more to all the data.
 
 mod advice;
+mod another_part;
 mod bad_stretches;
 mod causes;
 mod channels;

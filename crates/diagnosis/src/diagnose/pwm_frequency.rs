@@ -15,9 +15,14 @@ pub(super) fn settle_at_first(data: &mut Dataset, prior: &Prior) {
     if data.origin.pwm_is_known {
         return;
     }
-    let fits = with_usual_bridges(data, prior).into_par_iter().map(|model| fit(&model, data, prior, Effort::TRIAL));
-    let best = fits.min_by(|a, b| a.cost.total_cmp(&b.cost)).expect("one at least");
+    let best = usual_bridge(data, prior);
     data.origin.pwm_hz = likelier_hz(data, prior, &best, LEAST_LOG_LIKELIHOOD_GAIN).unwrap_or(data.origin.pwm_hz);
+}
+
+/// The best of [`with_usual_bridges`], fitted.
+pub(super) fn usual_bridge(data: &Dataset, prior: &Prior) -> Fit {
+    let fits = with_usual_bridges(data, prior).into_par_iter().map(|model| fit(&model, data, prior, Effort::TRIAL));
+    fits.min_by(|a, b| a.cost.total_cmp(&b.cost)).expect("one at least")
 }
 
 /// The nominal motor with the usual effects, behind a bridge whose off phase brakes, and behind one whose off phase coasts.

@@ -2,7 +2,7 @@
 //! recording. It shows where each current is sampled at one instant: the ripple gives frequency and phase. Where the PWM is
 //! slow, the phase also shows in when a command begins to act.
 
-use super::judge::{VERY_STRONG_NATS, evidence_nats};
+use super::judge::{NOT_NOISE, VERY_STRONG_NATS, above_floor, evidence_nats};
 use super::pwm_frequency::with_usual_bridges;
 use super::pwm_ripple::ripples;
 use crate::configuration::diagnose::pwm_phase::{
@@ -23,19 +23,22 @@ pub(super) fn settle_at_first(data: &mut Dataset, prior: &Prior) {
     }
     let mut models = vec![Model::linear(prior.motor)];
     models.extend(with_usual_bridges(data, prior));
-    let found = if data.reads_instants() { by_ripple(data, prior, &models) } else { None };
-    if let Some(by_ripple) = found {
+    let mean = || {
+        let means = (&models).into_par_iter().map(|model| fit(model, data, prior, Effort::TRIAL));
+        means.min_by(|a, b| a.cost.total_cmp(&b.cost))
+    };
+    let found = if data.reads_instants() { mean() } else { None };
+    if let Some(by_ripple) = found.and_then(|mean| by_ripple(data, prior, &models, &mean)) {
         *data = by_ripple;
     } else if data.is_pwm_slow() {
         data.origin.pwm_phase = by_commands(data, prior, &models);
     }
 }
 
-/// The data with the frequency and the phase of a ripple.
-fn by_ripple(data: &Dataset, prior: &Prior, models: &[Model]) -> Option<Dataset> {
-    let means = models.into_par_iter().map(|model| fit(model, &data.with_pwm_phase(None), prior, Effort::TRIAL));
-    let mean = means.min_by(|a, b| a.cost.total_cmp(&b.cost))?;
-    let found = ripples(data, &mean);
+/// The data with the frequency and the phase of a ripple, if that has very strong evidence. `mean` reads means over a period.
+/// Rows in step with the PWM see a ripple that depends on the duty alone, and so does much of what the models may lack.
+fn by_ripple(data: &Dataset, prior: &Prior, models: &[Model], mean: &Fit) -> Option<Dataset> {
+    let found = ripples(data, mean);
     let ways = found.iter().take(RIPPLES).filter_map(|ripple| {
         let other = data.with_pwm_of(ripple.hz, ripple.pulse);
         let near = Some(ripple.phase(&prior.motor));
@@ -44,7 +47,8 @@ fn by_ripple(data: &Dataset, prior: &Prior, models: &[Model]) -> Option<Dataset>
         Some(in_step(&other.with_pwm_phase(Some(phase)), prior, &way.found.model))
     });
     let (found, other) = ways.min_by(|a, b| a.0.cost.total_cmp(&b.0.cost))?;
-    (found.cost < mean.cost).then(|| other.with_instants_blurred(found.model.motor.inductance_h))
+    let shows = evidence_nats(data, mean, &found) > least_nats(&other);
+    shows.then(|| other.with_instants_blurred(found.model.motor.inductance_h))
 }
 
 /// The data whose PWM takes commands with its period or at once, whichever fits better, and the fit.
@@ -110,8 +114,8 @@ fn in_everything(data: &Dataset, prior: &Prior, way: &Way, near: Option<f64>) ->
     (cost < whole.mean.cost).then_some(phase)
 }
 
-/// Sets the phase of a slow PWM if a model that was found has very strong evidence for one. A known phase is moved to where
-/// that model fits best. Returns whether that changes much.
+/// Sets the phase that a ripple shows beside the effects that were found, or that of a slow PWM, if there is very strong
+/// evidence for one. A known phase is moved to where that model fits best. Returns whether that changes much.
 pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {
     if data.origin.pwm_phase.is_some() {
         if !data.is_one_recording() {
@@ -124,7 +128,17 @@ pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {
         }
         return gains;
     }
-    let is_open = data.is_pwm_slow() && data.origin.timing.current_sampled_at.is_none();
+    let is_open = data.origin.timing.current_sampled_at.is_none();
+    // Above the noise, a ripple may have been hidden by what the nominal motor lacks.
+    if is_open
+        && data.reads_instants()
+        && above_floor(data, found) > NOT_NOISE
+        && let Some(other) = by_ripple(data, prior, std::slice::from_ref(&found.model), found)
+    {
+        *data = other;
+        return true;
+    }
+    let is_open = is_open && data.is_pwm_slow();
     let found_in = |phase: f64| fit(&found.model, &data.with_pwm_phase(Some(phase)), prior, Effort::TRIAL);
     let way = if is_open { Way::new(data, prior, &found.model, None) } else { None };
     let phase = way.map(|way| way.phase).filter(|phase| {

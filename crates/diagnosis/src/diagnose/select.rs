@@ -5,6 +5,7 @@ mod backward;
 mod forward;
 mod winding;
 
+use super::another_part::is_explained;
 use super::data_sheet::{doubts, has_wrong_values, is_implausible};
 use super::judge::{AS_GOOD, Gain, NOT_NOISE, VERY_STRONG_NATS, above_floor, evidence_nats, gain};
 use super::{lateness, laws};
@@ -211,7 +212,8 @@ impl Chooser<'_> {
         // Beside a friction that is not there a fit does not find the delay.
         let late = [&usual.model, &Model::linear(self.prior.motor)].map(|model| self.delayed(model));
         let late: Vec<Model> = late.into_iter().flatten().collect();
-        let fits = late.into_par_iter().map(|late| self.fits.fit(&late, Effort::AGAIN)).collect::<Vec<_>>();
+        let effort = Effort::AGAIN.useless_above(usual.cost);
+        let fits = late.into_par_iter().map(|late| self.fits.fit(&late, effort)).collect::<Vec<_>>();
         fits.into_iter().fold(usual, |best, late| if late.cost < best.cost { late } else { best })
     }
 
@@ -250,8 +252,11 @@ impl Chooser<'_> {
         (self.doubts(fit), fit.cost)
     }
 
+    /// A rest that goes with another part held out is no doubt about the effects.
     fn doubts(&self, fit: &Fit) -> ([bool; 2], bool) {
-        (doubts(self.data, self.prior, fit), has_wrong_values(self.prior, fit))
+        let [has_rest, is_implausible] = doubts(self.data, self.prior, fit);
+        let has_rest = has_rest && !is_explained(self.data, self.prior, fit);
+        ([has_rest, is_implausible], has_wrong_values(self.prior, fit))
     }
 
     fn gain(&self, before: &Fit, after: &Fit) -> Gain {
