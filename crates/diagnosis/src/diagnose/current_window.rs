@@ -105,3 +105,67 @@ fn best_window(data: &Dataset, prior: &Prior, model: &Model) -> Option<(f64, Fit
 fn is_excessive(prior: &Prior, fit: &Fit) -> bool {
     prior.nominal.inductance_h.is_some_and(|nominal_h| fit.model.motor.inductance_h > EXCESSIVE_INDUCTANCE * nominal_h)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use motorbench_data::recording::Recording;
+    use motorbench_data::rig::Rig;
+    use motorbench_model::catalogue::USUAL;
+    use std::fmt::Write as _;
+
+    /// Times that a millisecond is divided into.
+    const STEPS: usize = 100;
+
+    /// A motor with friction. `read` has the last reading and the currents since the row before.
+    fn recorded(read: impl Fn(f64, &[f64]) -> f64) -> (Dataset, Prior) {
+        let mut text = String::from("t_s,u_V,omega_rad_per_s,i_A\n");
+        let (mut speed, mut current, mut reading) = (0.0_f64, 0.0_f64, 0.0);
+        for row in 0..4000_usize {
+            let volts = [8.0, -8.0, 4.0, -4.0, 10.0, 0.0, -10.0, 2.0][row / 250 % 8];
+            let noise = |prime: usize| (row * prime % 101) as f64 / 101.0 - 0.5;
+            let (of_speed, of_current) = (0.5 * noise(37), 0.01 * noise(59));
+            let _ =
+                writeln!(text, "{:.3},{volts},{:.4},{:.5}", row as f64 * 1e-3, speed + of_speed, reading + of_current);
+            let mut since = Vec::new();
+            let step_s = 1e-3 / STEPS as f64;
+            for _ in 0..STEPS {
+                current += step_s * (volts - 5.8 * current - 0.07 * speed) / 3e-3;
+                let free = speed + step_s * (0.07 * current - 6e-6 * speed) / 4e-5;
+                let lost = step_s * 6e-3 / 4e-5;
+                speed = if free.abs() <= lost { 0.0 } else { free - lost * free.signum() };
+                since.push(current);
+            }
+            reading = read(reading, &since);
+        }
+        let rig = "[supply]\nvoltage_V = 12\n[bridge]\npwm_Hz = 31372\n[recording]\ncommand_delay_s = 0\n";
+        let rig = Rig::parse("rig.toml", rig).unwrap();
+        let data = Dataset::new(&[Recording::parse("run.csv", text.as_bytes(), &[]).unwrap()], &rig).unwrap();
+        let prior = Prior::new(&rig.nominal(), &data);
+        (data, prior)
+    }
+
+    fn usual(data: &Dataset, prior: &Prior) -> Fit {
+        let scales = scales(&prior.motor, data);
+        let usual = USUAL.iter().filter_map(|id| effect(id));
+        let model = usual.fold(Model::linear(prior.motor), |model, effect| model.with_start(effect, &scales));
+        fit(&model, data, prior, Effort::FULL)
+    }
+
+    /// A low-pass looks like a window, and explains more where there is one.
+    #[test]
+    fn a_window_is_set_first_where_the_current_is_a_mean() {
+        let mean = |_: f64, since: &[f64]| since.iter().sum::<f64>() / STEPS as f64;
+        let lagging =
+            |before: f64, since: &[f64]| since.iter().fold(before, |lag, now| lag + (now - lag) / (0.5 * STEPS as f64));
+        for (name, (mut data, prior), is_window) in [("mean", recorded(mean), true), ("lag", recorded(lagging), false)]
+        {
+            let at_first = usual(&data, &prior);
+            settle_at_first(&mut data, &prior, &at_first);
+            let window_s = data.origin.current_window_s;
+            let is_kept = window_s > 0.0 && is_needed(&data, &prior, &usual(&data, &prior));
+            assert_eq!(is_kept, is_window, "{name}: {window_s} s");
+            assert!(!is_window || (window_s - 1e-3).abs() < 0.15e-3, "{window_s} s");
+        }
+    }
+}
