@@ -297,18 +297,23 @@ mod with_chip {
         }
     }
 
+    /// Of two virtual boards at one place the second one does not start.
+    fn refuse_where_one_runs(path: &Path) -> Result<(), Failure> {
+        if VirtualControl::of(path).is_some() {
+            return Err(Failure::machine(format!(
+                "{}: a virtual board runs there: end it with `quit`, or choose another --link",
+                path.display()
+            )));
+        }
+        Ok(())
+    }
+
     /// A name that stays the same for the port that the system numbers; gone when this is dropped.
     struct NamedPort(PathBuf);
 
     impl NamedPort {
         fn new(path: &Path, port: &str) -> Result<Self, Failure> {
             let failure = |error| Failure::machine(format!("{}: {error}; choose another --link", path.display()));
-            if VirtualControl::of(path).is_some() {
-                return Err(Failure::machine(format!(
-                    "{}: a virtual board runs there: end it with `quit`, or choose another --link",
-                    path.display()
-                )));
-            }
             if std::fs::symlink_metadata(path).is_ok_and(|found| found.is_symlink()) {
                 std::fs::remove_file(path).map_err(failure)?;
             }
@@ -337,9 +342,11 @@ mod with_chip {
         starting: Option<Starting>,
     ) -> Result<(), Failure> {
         let (mut line, name) = SerialLine::new().map_err(Failure::machine)?;
-        let named = NamedPort::new(&arguments.link, &name)?;
+        refuse_where_one_runs(&arguments.link)?;
         let (sender, orders) = channel();
-        let control = Control::new(&named.0, sender.clone())?;
+        // Before the port: who sees that sends orders.
+        let control = Control::new(&arguments.link, sender.clone())?;
+        let named = NamedPort::new(&arguments.link, &name)?;
         from_terminal(sender);
         let greeting = bench.run_until_line(GREETS_WITHIN_S).map_err(Failure::machine)?;
         drop(starting);
