@@ -36,11 +36,13 @@ pub(super) fn is_needed(data: &Dataset, prior: &Prior, found: &Fit) -> bool {
     let at_once = with_window(data, 0.0);
     let least_nats = VERY_STRONG_NATS + ((LOOKED_AT_S.len() * CLOSER.len()) as f64).ln();
     let without = fit(&found.model, &at_once, prior, Effort::AGAIN);
+    if evidence_nats(data, &without, found) <= least_nats {
+        return false;
+    }
     let lag = effect(CURRENT_LAG).filter(|lag| !found.model.has(lag.about().id));
     let lagging = lag.map(|lag| found.model.with_start(lag, &scales(&found.model.motor, data)));
     let lagging = lagging.map(|model| fit(&model, &at_once, prior, Effort::AGAIN));
-    evidence_nats(data, &without, found) > least_nats
-        && lagging.is_none_or(|lagging| found.cost <= AS_GOOD * lagging.cost)
+    lagging.is_none_or(|lagging| found.cost <= AS_GOOD * lagging.cost)
 }
 
 /// Sets the window if it explains a lag, a rest, or an excessive inductance. Returns whether it did.
@@ -108,10 +110,10 @@ fn is_excessive(prior: &Prior, fit: &Fit) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use super::super::pwm_frequency::with_usual_bridges;
     use super::*;
     use motorbench_data::recording::Recording;
     use motorbench_data::rig::Rig;
-    use motorbench_model::catalogue::USUAL;
     use std::fmt::Write as _;
 
     /// Times that a millisecond is divided into.
@@ -146,10 +148,8 @@ mod tests {
     }
 
     fn usual(data: &Dataset, prior: &Prior) -> Fit {
-        let scales = scales(&prior.motor, data);
-        let usual = USUAL.iter().filter_map(|id| effect(id));
-        let model = usual.fold(Model::linear(prior.motor), |model, effect| model.with_start(effect, &scales));
-        fit(&model, data, prior, Effort::FULL)
+        let braking = with_usual_bridges(data, prior).swap_remove(0);
+        fit(&braking, data, prior, Effort::FULL)
     }
 
     /// A low-pass looks like a window, and explains more where there is one.

@@ -128,19 +128,19 @@ pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {
         }
         return gains;
     }
-    let is_open = data.origin.timing.current_sampled_at.is_none();
+    if data.origin.timing.current_sampled_at.is_some() {
+        return false;
+    }
     // Above the noise, a ripple may have been hidden by what the nominal motor lacks.
-    if is_open
-        && data.reads_instants()
+    if data.reads_instants()
         && above_floor(data, found) > NOT_NOISE
         && let Some(other) = by_ripple(data, prior, std::slice::from_ref(&found.model), found)
     {
         *data = other;
         return true;
     }
-    let is_open = is_open && data.is_pwm_slow();
     let found_in = |phase: f64| fit(&found.model, &data.with_pwm_phase(Some(phase)), prior, Effort::TRIAL);
-    let way = if is_open { Way::new(data, prior, &found.model, None) } else { None };
+    let way = if data.is_pwm_slow() { Way::new(data, prior, &found.model, None) } else { None };
     let phase = way.map(|way| way.phase).filter(|phase| {
         let other = found_in(*phase);
         other.cost < found.cost && evidence_nats(data, found, &other) > least_nats(data)

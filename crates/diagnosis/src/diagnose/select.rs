@@ -5,10 +5,9 @@ mod backward;
 mod forward;
 mod winding;
 
-use super::another_part::is_explained;
 use super::data_sheet::{doubts, has_wrong_values, is_implausible};
 use super::judge::{AS_GOOD, Gain, NOT_NOISE, VERY_STRONG_NATS, above_floor, evidence_nats, gain};
-use super::{lateness, laws};
+use super::{another_part, lateness, laws};
 use crate::configuration::diagnose::select::{LEAST_SHARE, LEAST_SIGMAS, MOST_EFFECTS, SAME_SHARE, SAME_SIGMAS};
 pub(super) use crate::configuration::diagnose::select::{NEAR, SMALL_REST};
 use crate::dataset::Dataset;
@@ -255,7 +254,7 @@ impl Chooser<'_> {
     /// A rest that goes with another part held out is no doubt about the effects.
     fn doubts(&self, fit: &Fit) -> ([bool; 2], bool) {
         let [has_rest, is_implausible] = doubts(self.data, self.prior, fit);
-        let has_rest = has_rest && !is_explained(self.data, self.prior, fit);
+        let has_rest = has_rest && another_part::held_out_and_explained(self.data, self.prior, fit).is_none();
         ([has_rest, is_implausible], has_wrong_values(self.prior, fit))
     }
 
