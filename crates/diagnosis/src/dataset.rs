@@ -43,7 +43,7 @@ pub use error::DatasetError;
 pub use held_rotor::HeldRotor;
 pub use late_readings::{LateCourse, LateReadings};
 pub use measured::{Measured, Output, TOLERANCE};
-pub use origin::{Averaged, LimitedDuty, Origin, Pulse};
+pub use origin::{Averaged, Latch, LimitedDuty, Origin, Pulse};
 pub use speed_window::Window;
 
 /// Rows without a gap; the simulation restarts with each stretch.

@@ -3,6 +3,8 @@
 
 /// A period of less than this share of the electrical time constant has straight lines.
 const STRAIGHT: f64 = 0.2;
+/// Two time constants whose quotient is nearer to one are the same.
+const SAME: f64 = 1e-6;
 
 /// What drives the current through a period, in the direction of positive motion.
 #[derive(Clone, Copy, Debug)]
@@ -181,6 +183,11 @@ impl Ripple {
 
     /// The current at the share `at` of a period with the mean `mean_a`.
     pub fn sampled_a(&self, mean_a: f64, at: f64, volts: &Volts) -> f64 {
+        mean_a + self.course(mean_a, volts).above_mean_a(at)
+    }
+
+    /// Of a period with this mean current.
+    pub fn course(&self, mean_a: f64, volts: &Volts) -> Course {
         let driven_a = self.sense * mean_a;
         let way = if driven_a < 0.0 { Way::Against } else { Way::With };
         let swing = self.swing(volts, way);
@@ -190,10 +197,11 @@ impl Ripple {
         };
         // Without a drop it flows through zero as anywhere else.
         let is_even = is_clear || volts.drops.are_none();
-        if !is_even && let Regime::Touching(cycle) = self.regime(volts) {
-            return mean_a + self.sense * self.a_per_v * (cycle.at_v(at) - cycle.mean_v());
-        }
-        mean_a + self.sense * swing.at_a(at)
+        let shape = match if is_even { Regime::Above } else { self.regime(volts) } {
+            Regime::Touching(cycle) => Shape::Touching { cycle, a_per_v: self.a_per_v, mean_v: cycle.mean_v() },
+            Regime::Above | Regime::Below => Shape::Even(swing),
+        };
+        Course { sense: self.sense, shape }
     }
 
     /// From the least to the greatest current of a period without resistance.
@@ -257,7 +265,87 @@ impl Ripple {
     }
 }
 
-/// The current of a period, as against its mean.
+/// The current through a period, as against its mean.
+pub struct Course {
+    /// The direction of the drive.
+    sense: f64,
+    shape: Shape,
+}
+
+enum Shape {
+    Even(Swing),
+    Touching { cycle: Cycle, a_per_v: f64, mean_v: f64 },
+}
+
+impl Course {
+    /// At a share of the period.
+    pub fn above_mean_a(&self, at: f64) -> f64 {
+        self.sense
+            * match &self.shape {
+                Shape::Even(swing) => swing.at_a(at),
+                Shape::Touching { cycle, a_per_v, mean_v } => a_per_v * (cycle.at_v(at) - mean_v),
+            }
+    }
+
+    /// Behind a low-pass of the first order, which remembers so many periods.
+    pub fn filtered_above_mean_a(&self, at: f64, memory: f64) -> f64 {
+        self.sense
+            * match &self.shape {
+                Shape::Even(swing) => filtered(&swing.pieces(), swing.decay, at, memory),
+                Shape::Touching { cycle, a_per_v, mean_v } => {
+                    a_per_v * (filtered(&cycle.pieces(), cycle.decay, at, memory) - mean_v)
+                }
+            }
+    }
+}
+
+/// A part of the period in which one voltage drives.
+#[derive(Clone, Copy)]
+struct Piece {
+    length: f64,
+    /// What it begins with.
+    from: f64,
+    /// By how much that would grow over a period without resistance.
+    drive: f64,
+}
+
+impl Piece {
+    /// A low-pass that follows this piece for ever, after a share of the period.
+    fn followed(&self, since: f64, decay: f64, memory: f64) -> f64 {
+        if decay == 0.0 {
+            return self.from + self.drive * (since - memory);
+        }
+        // A low-pass as slow as the winding would need another form; one a little quicker does the same.
+        let apart = 1.0 - decay * memory;
+        let towards = self.drive / decay;
+        towards + (self.from - towards) * (-decay * since).exp() / if apart.abs() < SAME { SAME } else { apart }
+    }
+
+    /// Its output after a share of the period, from this output at its begin.
+    fn filtered(&self, begun: f64, since: f64, decay: f64, memory: f64) -> f64 {
+        let apart = begun - self.followed(0.0, decay, memory);
+        self.followed(since, decay, memory) + apart * (-since / memory).exp()
+    }
+}
+
+/// The output of a low-pass at a share of a period that consists of these pieces, after many such periods.
+fn filtered(pieces: &[Piece], decay: f64, at: f64, memory: f64) -> f64 {
+    let over =
+        |begun: f64| pieces.iter().fold(begun, |begun, piece| piece.filtered(begun, piece.length, decay, memory));
+    // What it began with long ago is forgotten.
+    let mut output = over(0.0) / -(-1.0 / memory).exp_m1();
+    let mut since = at;
+    for piece in pieces {
+        if since < piece.length {
+            return piece.filtered(output, since, decay, memory);
+        }
+        output = piece.filtered(output, piece.length, decay, memory);
+        since -= piece.length;
+    }
+    output
+}
+
+/// The same of a current that does not touch zero.
 #[derive(Clone, Copy, Debug)]
 struct Swing {
     /// Share of the period.
@@ -292,6 +380,17 @@ impl Swing {
     fn times(&self, factor: f64) -> Self {
         let Self { low_a, high_a, towards_a, .. } = *self;
         Self { low_a: factor * low_a, high_a: factor * high_a, towards_a: factor * towards_a, ..*self }
+    }
+
+    /// Pulse and off phase.
+    fn pieces(&self) -> [Piece; 2] {
+        let Self { pulse, decay, low_a, high_a, towards_a } = *self;
+        let off = 1.0 - pulse;
+        let [rise_a, fall_a] = match decay == 0.0 {
+            true => [pulse, off].map(|share| (low_a + high_a) / share.max(f64::MIN_POSITIVE)),
+            false => [towards_a * decay, towards_a * decay * pulse / off.max(f64::MIN_POSITIVE)],
+        };
+        [Piece { length: pulse, from: -low_a, drive: rise_a }, Piece { length: off, from: high_a, drive: -fall_a }]
     }
 
     /// At a share of the period.
@@ -379,6 +478,20 @@ impl Cycle {
         self.return_v * returning + self.rise_v * rising - self.fall_v * falling - self.reverse_v * reversing
     }
 
+    /// Back to zero and from it, in the pulse and in the off phase.
+    fn pieces(&self) -> [Piece; 4] {
+        let Self { pulse, low_v, high_v, .. } = *self;
+        let until_zero =
+            |height_v: f64, driving_v: f64| if height_v > 0.0 { self.until_zero(height_v, driving_v) } else { 0.0 };
+        let (returned, fallen) = (until_zero(low_v, self.return_v), until_zero(high_v, self.fall_v));
+        [
+            Piece { length: returned, from: -low_v, drive: self.return_v },
+            Piece { length: pulse - returned, from: 0.0, drive: self.rise_v.max(0.0) },
+            Piece { length: fallen, from: high_v, drive: -self.fall_v },
+            Piece { length: 1.0 - pulse - fallen, from: 0.0, drive: -self.reverse_v.max(0.0) },
+        ]
+    }
+
     /// At a share of the period.
     fn at_v(&self, at: f64) -> f64 {
         // From zero, or back to it: before, the same current seen backwards.
@@ -439,6 +552,37 @@ mod tests {
 
     fn is_of_one_sign(period: &[f64]) -> bool {
         period.iter().all(|current_a| *current_a > 0.0) || period.iter().all(|current_a| *current_a < 0.0)
+    }
+
+    proptest! {
+        /// Against the differential equation of the low-pass over many periods of that course.
+        #[test]
+        fn the_filtered_ripple(
+            duty in prop_oneof![-0.95f64..-0.05, 0.05f64..0.95],
+            mean_a in -1.5f64..1.5,
+            drop_v in prop_oneof![Just(0.0), 0.5f64..3.0],
+            emf_v in -5.0f64..5.0,
+            memory in 0.02f64..0.5,
+            decay in prop_oneof![Just(0.0), STRAIGHT..5.0],
+        ) {
+            let drops = Drops { pulse_v: drop_v, return_v: drop_v, off_v: drop_v };
+            let volts = Volts { mean_v: duty * SUPPLY_V, emf_v, lost_v: 0.0, drops };
+            let ripple = Ripple::new(INDUCTANCE_H, decay * INDUCTANCE_H * PWM_HZ, PWM_HZ).with_duty(duty);
+            let course = ripple.course(mean_a, &volts);
+            let period: Vec<f64> = (0..STEPS).map(|step| course.above_mean_a((step as f64 + 0.5) / STEPS as f64)).collect();
+            let widest_a = period.iter().fold(0.0_f64, |widest, above| widest.max(above.abs()));
+            let left = (-1.0 / (STEPS as f64 * memory)).exp();
+            let mut filtered_a = 0.0;
+            for round in 0..20 {
+                for (step, now_a) in period.iter().enumerate() {
+                    filtered_a = now_a + left * (filtered_a - now_a);
+                    if round == 19 && step % (STEPS / 20) == 0 {
+                        let found_a = course.filtered_above_mean_a((step + 1) as f64 / STEPS as f64, memory);
+                        prop_assert!((found_a - filtered_a).abs() < 0.005 * widest_a, "{step}: {found_a} A, {filtered_a} A of {widest_a} A");
+                    }
+                }
+            }
+        }
     }
 
     proptest! {

@@ -45,6 +45,8 @@ pub(crate) mod search {
     pub const TRIES_CORRECTED: usize = 3;
     /// A step that gains more than this share of the cost needs new sensitivities.
     pub const FAR: f64 = 0.8;
+    /// So does one that keeps hardly anything of what they promised, as in methods of trust regions.
+    pub const LEAST_KEPT: f64 = 0.05;
 }
 
 /// [`crate::identify::sensitivities`].

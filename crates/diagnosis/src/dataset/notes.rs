@@ -1,7 +1,7 @@
 //! Notes on how the recordings were made, where the rig file does not say it.
 
 use super::{
-    Averaged, Contradiction, Dataset, EdgeTiming, EndOfRange, LimitedDuty, Output, PWM_HZ, SHORTEST_S, Stretch,
+    Averaged, Contradiction, Dataset, EdgeTiming, EndOfRange, Latch, LimitedDuty, Output, PWM_HZ, SHORTEST_S, Stretch,
     dead_current, held_rotor, row_order,
 };
 use motorbench_data::recording::Channel;
@@ -172,8 +172,14 @@ impl Dataset {
             let besides = stated.map_or(String::new(), |hz| format!(" The rig file says {} Hz.", short(hz)));
             notes.push(format!("The ripple of the current shows a PWM of {:.2} Hz.{besides}", self.origin.pwm_hz));
         }
+        if self.origin.current_filter_s > 0.0 {
+            notes.push(format!(
+                "The ripple also shows a low-pass of {:.3} ms in front of the conversion, as of a capacitor at the sensor. It is simulated.",
+                1e3 * self.origin.current_filter_s
+            ));
+        }
         if self.is_switched() {
-            let since = if self.origin.commands_at_once {
+            let since = if self.origin.latch == Latch::AtOnce {
                 "A command changes the duty at once, within a period.".to_owned()
             } else {
                 let period_ms = short(1e3 / self.origin.pwm_hz);

@@ -34,6 +34,18 @@ impl Pulse {
     }
 }
 
+/// When a timer takes a new duty.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Latch {
+    /// With the next period, as timers with double-buffered registers do (ATmega328P data sheet, 15.7 and 16.9).
+    #[default]
+    WithPeriod,
+    /// The same where the commands come at other times than the rows say: half a period later on average.
+    OnAverage,
+    /// At once.
+    AtOnce,
+}
+
 /// A duty that went beyond the whole supply.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LimitedDuty {
@@ -56,8 +68,10 @@ pub struct Origin {
     pub pwm_phase: Option<f64>,
     /// Where in that period the pulse is.
     pub pulse: Pulse,
-    /// Whether a command changes the duty at once, instead of with the next period.
-    pub commands_at_once: bool,
+    /// Time constant of a low-pass in front of the conversion that the ripple of the current shows; 0: none.
+    pub current_filter_s: f64,
+    /// When the timer takes the duty of a command.
+    pub latch: Latch,
     /// How it was recorded.
     pub timing: Timing,
     /// An assumed drop of the bridge that the recordings do not show; every model is simulated behind it.

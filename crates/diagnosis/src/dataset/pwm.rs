@@ -1,6 +1,6 @@
 //! What recordings show of the period of the PWM.
 
-use super::{Dataset, Output, Pulse};
+use super::{Dataset, Latch, Output, Pulse};
 use crate::configuration::dataset::pwm::{MOMENT_S, MOST_HZ};
 use motorbench_data::rig::Readings;
 
@@ -38,11 +38,43 @@ impl Dataset {
         other
     }
 
-    /// The same where a command changes the duty `at_once` or with the next period.
-    pub fn with_commands_at_once(&self, at_once: bool) -> Self {
+    /// The same with a low-pass in front of the conversion of the current that is slower by so much. Each reading keeps its
+    /// mean delay.
+    pub fn with_current_filtered(&self, slower_s: f64) -> Self {
         let mut other = self.clone();
-        other.origin.commands_at_once = at_once;
+        let filter_s = (self.origin.current_filter_s + slower_s).max(0.0);
+        let later = self.origin.pwm_hz * (filter_s - self.origin.current_filter_s);
+        other.origin.current_filter_s = filter_s;
+        other.origin.pwm_phase = self.origin.pwm_phase.map(|phase| (phase + later).rem_euclid(1.0));
         other
+    }
+
+    /// The same with a timer that takes a new duty at another time.
+    pub fn with_latch(&self, latch: Latch) -> Self {
+        let mut other = self.clone();
+        other.origin.latch = latch;
+        other
+    }
+
+    /// How long a command that comes at this time waits for the next period of a PWM that is averaged.
+    pub fn wait_s(&self, at_s: f64) -> f64 {
+        let origin = &self.origin;
+        match origin.latch {
+            _ if !self.may_wait() => 0.0,
+            Latch::AtOnce => 0.0,
+            Latch::WithPeriod if origin.pwm_phase.is_some() => origin.period_around_s(at_s)[1] - at_s,
+            Latch::WithPeriod | Latch::OnAverage => 0.5 / origin.pwm_hz,
+        }
+    }
+
+    /// Whether commands come at any time in a period of a PWM that is averaged. Rows in step with it always wait for one
+    /// time, which nothing tells.
+    pub fn may_wait(&self) -> bool {
+        let origin = &self.origin;
+        let is_averaged = self.axis.drive.is_voltage() && origin.pwm_is_known && !self.is_pwm_slow();
+        let periods = self.interval_s * origin.pwm_hz;
+        let turns = self.len() as f64 * (periods - periods.round());
+        is_averaged && origin.timing.current_sampled_at.is_none() && turns.abs() > 1.0
     }
 
     /// Whether all rows have one clock: that of one recording.
@@ -86,4 +118,38 @@ impl Dataset {
 /// Variance of a PWM around its mean, as a share of the squared supply.
 fn ripple(duty: f64) -> f64 {
     duty.abs() * (1.0 - duty.abs()).max(0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use motorbench_data::recording::Recording;
+    use motorbench_data::rig::Rig;
+
+    /// A second of rows a millisecond apart.
+    fn recorded(pwm_hz: f64, timing: &str) -> Dataset {
+        let rows: String = (0..1000).map(|row| format!("{:.3},6,{},0.5\n", f64::from(row) * 1e-3, row)).collect();
+        let text = format!("t_s,u_V,omega_rad_per_s,i_A\n{rows}");
+        let rig = format!("[supply]\nvoltage_V = 12\n[bridge]\npwm_Hz = {pwm_hz}\n[recording]\n{timing}");
+        let recording = Recording::parse("run.csv", text.as_bytes(), &[]).unwrap();
+        Dataset::new(&[recording], &Rig::parse("rig.toml", &rig).unwrap()).unwrap()
+    }
+
+    #[test]
+    fn a_command_waits_for_the_next_period() {
+        let at_3900_hz = recorded(3900.0, "");
+        assert!((at_3900_hz.wait_s(0.5) - 0.5 / 3900.0).abs() < 1e-12);
+        // A period began 0.3 of one before the time 0.
+        let in_phase = at_3900_hz.with_pwm_phase(Some(0.3));
+        let wait_s = |after: f64| in_phase.wait_s(after / 3900.0);
+        for (after, waits) in [(0.0, 0.7), (0.6, 0.1), (0.8, 0.9)] {
+            assert!((wait_s(after) * 3900.0 - waits).abs() < 1e-9, "{after}: {}", wait_s(after) * 3900.0);
+        }
+        assert_eq!(in_phase.with_latch(Latch::OnAverage).wait_s(0.0), 0.5 / 3900.0);
+        assert_eq!(in_phase.with_latch(Latch::AtOnce).wait_s(0.0), 0.0);
+        // In step with the rows, with its edges simulated, or in a loop of known timing.
+        for other in [recorded(20_000.0, ""), recorded(490.2, ""), recorded(3900.0, "current_sampled_at = 0.9\n")] {
+            assert_eq!(other.wait_s(0.5), 0.0);
+        }
+    }
 }

@@ -253,8 +253,12 @@ fn timing_uncertainty(data: &Dataset, model: &Model) -> f64 {
         || timing.current_window_s.is_some_and(|window_s| window_s >= 1.0 / data.origin.pwm_hz)
         || data.origin.pwm_phase.is_some();
     let sampling_s = if is_sampling_known { 0.0 } else { period_s };
-    // A command waits for the next period.
-    let waiting_s = if data.is_switched() { 0.0 } else { period_s };
+    // A command waits for the next period. Where commands come at any time in one, only whether they do is open.
+    let waiting_s = match (data.is_switched(), data.may_wait()) {
+        (true, _) => 0.0,
+        (false, true) => 0.5 * period_s,
+        (false, false) => period_s,
+    };
     // The slope of a ripple shows the inductance, whenever the commands act.
     let shows_slopes = data.is_switched() && data.reads_instants();
     let is_delay_known = timing.command_delay_s.is_some() || shows_slopes;

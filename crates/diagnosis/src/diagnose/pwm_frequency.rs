@@ -6,8 +6,8 @@ use crate::configuration::diagnose::pwm_frequency::{LEAST_LOG_LIKELIHOOD_GAIN, N
 use crate::dataset::Dataset;
 use crate::identify::{Effort, Fit, Prior, fit, scales};
 use maybe_rayon::prelude::*;
-use motorbench_model::Model;
 use motorbench_model::catalogue::{USUAL, effect};
+use motorbench_model::{Model, Term};
 
 /// Sets the frequency with which the nominal motor, behind a bridge with a drop, fits clearly better. Its off phase may
 /// brake or coast.
@@ -40,17 +40,45 @@ pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {
     if data.origin.pwm_is_known || !data.axis.drive.is_voltage() {
         return false;
     }
+    if let Some(other) = in_place_of_a_lag(data, prior, found) {
+        *data = other;
+        return true;
+    }
     let least_gain = if above_floor(data, found) < NOT_NOISE { f64::INFINITY } else { LEAST_LOG_LIKELIHOOD_GAIN };
     let other = likelier_hz(data, prior, found, least_gain);
     data.origin.pwm_hz = other.unwrap_or(data.origin.pwm_hz);
     other.is_some()
 }
 
+/// The data with a frequency that explains as much as a lag of the current. A current that stops within each period looks
+/// late, and a mean over a period is.
+fn in_place_of_a_lag(data: &Dataset, prior: &Prior, found: &Fit) -> Option<Dataset> {
+    let is_late = |term: &&Term| term.effect.current_late_s(&term.values) > 0.0 && !term.effect.acts_on_motor();
+    let prompt = found.model.without(found.model.terms.iter().find(is_late)?.id());
+    let windows_s = |hz: f64| {
+        let of_period_s = data.reads_instants().then_some(1.0 / hz);
+        [Some(data.origin.current_window_s), of_period_s].into_iter().flatten()
+    };
+    let others = USUAL_HZ.into_iter().flat_map(|hz| windows_s(hz).map(move |window_s| (hz, window_s)));
+    let others: Vec<Dataset> = others.map(|(hz, window_s)| with_pwm(data, hz, window_s)).collect();
+    let fits = others.into_par_iter().map(|other| {
+        let found = fit(&prompt, &other, prior, Effort::AGAIN);
+        (other, found)
+    });
+    let (other, best) = fits.min_by(|a, b| a.1.cost.total_cmp(&b.1.cost))?;
+    (best.cost <= AS_GOOD * found.cost).then_some(other)
+}
+
+fn with_pwm(data: &Dataset, hz: f64, window_s: f64) -> Dataset {
+    let mut other = data.clone();
+    (other.origin.pwm_hz, other.origin.current_window_s) = (hz, window_s);
+    other
+}
+
 /// Chooses one that lowers the cost to `least_gain` of the present one.
 fn likelier_hz(data: &Dataset, prior: &Prior, found: &Fit, least_gain: f64) -> Option<f64> {
     let fits = USUAL_HZ.into_par_iter().filter(|hz| *hz != data.origin.pwm_hz).filter_map(|hz| {
-        let mut other = data.clone();
-        other.origin.pwm_hz = hz;
+        let other = with_pwm(data, hz, data.origin.current_window_s);
         let as_it_stands = fit(&found.model, &other, prior, Effort::NONE);
         let shows = (as_it_stands.cost / found.cost - 1.0).abs() > SHOWS;
         let mut model = found.model.clone();

@@ -6,9 +6,9 @@ use super::judge::{NOT_NOISE, VERY_STRONG_NATS, above_floor, evidence_nats};
 use super::pwm_frequency::with_usual_bridges;
 use super::pwm_ripple::ripples;
 use crate::configuration::diagnose::pwm_phase::{
-    EXCERPT_S, FARTHEST, FITTED, HALVINGS, NEAREST, PHASES, PHASES_OF_SLOW, RIPPLE_TELLS, RIPPLES, ROUNDS,
+    EXCERPT_S, FARTHEST, FIRST_FILTER, FITTED, HALVINGS, NEAREST, PHASES, PHASES_OF_SLOW, RIPPLE_TELLS, RIPPLES, ROUNDS,
 };
-use crate::dataset::Dataset;
+use crate::dataset::{Dataset, Latch};
 use crate::identify::{Effort, Fit, Prior, fit};
 use maybe_rayon::prelude::*;
 use motorbench_model::Model;
@@ -48,14 +48,17 @@ fn by_ripple(data: &Dataset, prior: &Prior, models: &[Model], mean: &Fit) -> Opt
     });
     let (found, other) = ways.min_by(|a, b| a.0.cost.total_cmp(&b.0.cost))?;
     let shows = evidence_nats(data, mean, &found) > least_nats(&other);
-    shows.then(|| other.with_instants_blurred(found.model.motor.inductance_h))
+    shows.then(|| {
+        let (other, found) = as_read(other, prior, found);
+        other.with_instants_blurred(found.model.motor.inductance_h)
+    })
 }
 
-/// The data whose PWM takes commands with its period or at once, whichever fits better, and the fit.
+/// The data of a PWM whose edges are simulated, with the duty taken as fits better, and the fit.
 fn in_step(data: &Dataset, prior: &Prior, model: &Model) -> (Fit, Dataset) {
-    let ways: &[bool] = if data.is_pwm_slow() { &[false, true] } else { &[false] };
-    let fitted = ways.iter().map(|at_once| {
-        let other = data.with_commands_at_once(*at_once);
+    let ways: &[Latch] = if data.is_pwm_slow() { &[Latch::WithPeriod, Latch::AtOnce] } else { &[Latch::WithPeriod] };
+    let fitted = ways.iter().map(|latch| {
+        let other = data.with_latch(*latch);
         let found = fit(model, &other, prior, Effort::TRIAL);
         let (other, found) = polished(&other, prior, found);
         (found, other)
@@ -63,7 +66,44 @@ fn in_step(data: &Dataset, prior: &Prior, model: &Model) -> (Fit, Dataset) {
     fitted.min_by(|a, b| a.0.cost.total_cmp(&b.0.cost)).expect("one way at least")
 }
 
-/// The data with the phase and the frequency nearby with which a model fits best, and its fit. Both are found in turn.
+/// The data of a PWM that is averaged with a low-pass in front of the conversion, if there is very strong evidence for one,
+/// and with the duty taken as fits better, and the fit.
+fn as_read(data: Dataset, prior: &Prior, found: Fit) -> (Dataset, Fit) {
+    let mut best = (data, found);
+    if best.0.is_switched() {
+        return best;
+    }
+    if best.0.origin.current_filter_s == 0.0 {
+        let filtered = best.0.with_current_filtered(FIRST_FILTER / best.0.origin.pwm_hz);
+        let found = fit(&best.1.model, &filtered, prior, Effort::TRIAL);
+        let (filtered, found) = polished(&filtered, prior, found);
+        if evidence_nats(&best.0, &best.1, &found) > least_nats(&best.0) {
+            best = (filtered, found);
+        }
+    }
+    match taken_otherwise(&best.0, prior, &best.1) {
+        Some((other, found)) if found.cost < best.1.cost => polished(&other, prior, found),
+        _ => best,
+    }
+}
+
+/// The data of a PWM that is averaged, with the duty taken at the best other time, and the fit.
+fn taken_otherwise(data: &Dataset, prior: &Prior, found: &Fit) -> Option<(Dataset, Fit)> {
+    if !data.may_wait() {
+        return None;
+    }
+    let others = [Latch::WithPeriod, Latch::OnAverage, Latch::AtOnce].into_iter();
+    let others: Vec<Latch> = others.filter(|latch| *latch != data.origin.latch).collect();
+    let fitted = others.into_par_iter().map(|latch| {
+        let other = data.with_latch(latch);
+        let found = fit(&found.model, &other, prior, Effort::TRIAL);
+        (other, found)
+    });
+    fitted.min_by(|a, b| a.1.cost.total_cmp(&b.1.cost))
+}
+
+/// The data with the phase and the frequency nearby with which a model fits best, and its fit. Both are found in turn, with
+/// the low-pass in front of the conversion if there is one.
 fn polished(data: &Dataset, prior: &Prior, found: Fit) -> (Dataset, Fit) {
     let mut best = (data.clone(), found);
     for _ in 0..ROUNDS {
@@ -83,9 +123,13 @@ fn moved_to_the_best(data: &Dataset, prior: &Prior, found: &Fit) -> (Dataset, f6
     let mut best = (data.clone(), found.cost);
     let mut distance = FARTHEST;
     while distance > NEAREST {
-        let moves = [(distance, 0.0), (-distance, 0.0), (0.0, distance), (0.0, -distance)];
-        let others = moves.into_par_iter().map(|(periods, turns)| {
-            let other = best.0.with_pwm_moved(periods, turns);
+        let is_filtered = best.0.origin.current_filter_s > 0.0;
+        let mut moves = vec![[distance, 0.0, 0.0], [-distance, 0.0, 0.0], [0.0, distance, 0.0], [0.0, -distance, 0.0]];
+        if is_filtered {
+            moves.extend([[0.0, 0.0, distance], [0.0, 0.0, -distance]]);
+        }
+        let others = moves.into_par_iter().map(|[periods, turns, slower]| {
+            let other = best.0.with_pwm_moved(periods, turns).with_current_filtered(slower / best.0.origin.pwm_hz);
             let cost = cost(&other);
             (other, cost)
         });
@@ -122,6 +166,7 @@ pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {
             return false;
         }
         let (other, better) = polished(data, prior, found.clone());
+        let (other, better) = as_read(other, prior, better);
         let gains = evidence_nats(data, found, &better) > VERY_STRONG_NATS;
         if gains {
             *data = other;
@@ -135,6 +180,12 @@ pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {
     if data.reads_instants()
         && above_floor(data, found) > NOT_NOISE
         && let Some(other) = by_ripple(data, prior, std::slice::from_ref(&found.model), found)
+    {
+        *data = other;
+        return true;
+    }
+    if let Some((other, better)) = taken_otherwise(data, prior, found)
+        && evidence_nats(data, found, &better) > VERY_STRONG_NATS
     {
         *data = other;
         return true;

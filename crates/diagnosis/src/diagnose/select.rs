@@ -129,14 +129,16 @@ impl Chooser<'_> {
             let without = [self.excluded, &[of_any_course]].concat();
             way = self.better(way, Chooser { excluded: &without, ..*self }.way(base));
         }
-        if self.is_implausible(&way.0)
-            && let Some(other) = self.beside_nominal(&way.0)
-        {
-            let step = Step::new(&way.0, &other, self.gain(&way.0, &other));
-            let steps = [&way.1[..], &[step]].concat();
-            way = self.better(way, (other, steps));
-        }
-        way
+        self.or_beside_nominal(way)
+    }
+
+    /// A way that ends with a plausible motor, if there is one beside the effects found.
+    fn or_beside_nominal(&self, way: Way) -> Way {
+        let other = if self.is_implausible(&way.0) { self.beside_nominal(&way.0) } else { None };
+        let Some(other) = other else { return way };
+        let step = Step::new(&way.0, &other, self.gain(&way.0, &other));
+        let steps = [&way.1[..], &[step]].concat();
+        self.better(way, (other, steps))
     }
 
     /// A way to its end, with the effects that have evidence of their own.
@@ -171,7 +173,7 @@ impl Chooser<'_> {
 
     /// Adds significant effects to the linear fit. If doubts remain, it also tries other ways and takes the best.
     fn way(&self, base: &Fit) -> Way {
-        let mut way = self.forward(base.clone(), Vec::new(), Lead::Significance);
+        let mut way = self.or_beside_nominal(self.forward(base.clone(), Vec::new(), Lead::Significance));
         if self.is_doubtful(&way.0) {
             let usual = self.way_from_usual(base);
             let agree = self.agree(&way.0, &usual.0);
@@ -233,9 +235,12 @@ impl Chooser<'_> {
     /// with less.
     fn agree(&self, one: &Fit, other: &Fit) -> bool {
         let names = |fit: &Fit| fit.model.terms.iter().map(Term::id).collect::<BTreeSet<_>>();
+        let are_as_good = |one: &Fit, other: &Fit| one.cost.max(other.cost) < AS_GOOD * one.cost.min(other.cost);
+        // The looks of a way do not come to the end.
+        let anew = |fit: &Fit| self.fits.fit(&fit.model, Effort::AGAIN);
         names(one) == names(other)
-            && one.cost.max(other.cost) < AS_GOOD * one.cost.min(other.cost)
             && above_floor(self.data, one) < SMALL_REST
+            && (are_as_good(one, other) || are_as_good(&anew(one), &anew(other)))
     }
 
     fn is_doubtful(&self, fit: &Fit) -> bool {

@@ -3,7 +3,7 @@
 
 use super::{Course, Motion, Prediction, Steps, acts_by_angle, longest_step_s, read, run::Run};
 use crate::configuration::free_run::replay::{LEAP, LONGEST_OF_SLOW_S, LONGEST_S, MOST_KEPT, NOT_ZERO, OF_LEAP};
-use crate::dataset::{Dataset, Measured, Output, Stretch, Window};
+use crate::dataset::{Dataset, Latch, Measured, Output, Stretch, Window};
 use motorbench_model::{Model, SAME_LENGTH_S};
 use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -202,6 +202,8 @@ struct Knife<'a> {
     begins_with: (f64, f64),
     /// Whether a command may begin to act within a step.
     acts_within: bool,
+    /// Whether a command may wait for the next period of the PWM.
+    may_wait: bool,
     /// Whether neither current nor motion shows that the first command acted before its row.
     from_rest: bool,
     by_angle: bool,
@@ -216,6 +218,7 @@ impl<'a> Knife<'a> {
         let may_be_zero = |value: f64, measured: &Measured| value.abs() < NOT_ZERO * measured.noise;
         let still = may_be_zero(speed_rad_per_s, motion);
         let Cutting { delay_s, delay_growth, .. } = cutting;
+        let may_wait = data.may_wait() && data.origin.latch != Latch::AtOnce;
         Self {
             data,
             range,
@@ -224,7 +227,8 @@ impl<'a> Knife<'a> {
             longest_step_s: cutting.longest_step_s(stretch),
             begins_with: if still { (0.0, 0.0) } else { (current_a, speed_rad_per_s) },
             from_rest: still && data.current().is_none_or(|measured| may_be_zero(current_a, measured)),
-            acts_within: delay_s > 0.0 || delay_growth != 0.0 || data.has_moments(),
+            acts_within: delay_s > 0.0 || delay_growth != 0.0 || data.has_moments() || may_wait,
+            may_wait,
             by_angle: cutting.by_angle,
         }
     }
@@ -322,7 +326,7 @@ impl<'a> Knife<'a> {
         let course = self.course(index);
         while from_s < to_s - SAME_LENGTH_S {
             let [begun_s, next_s] = data.origin.period_around_s(from_s + SAME_LENGTH_S);
-            let at_once = data.origin.commands_at_once;
+            let at_once = data.origin.latch == Latch::AtOnce;
             let (row, mean_duty) = self.taken_at(index, if at_once { from_s } else { begun_s });
             let changes_s = if at_once { self.changes_s(index, row) } else { f64::INFINITY };
             let pulse_s = begun_s + data.origin.pulse.begins_at(mean_duty) * (next_s - begun_s);
@@ -380,7 +384,13 @@ impl<'a> Knife<'a> {
 
     /// By how much a command acts late around a row.
     fn delay_at(&self, index: usize) -> f64 {
-        self.delay_s + self.delay_growth * self.data.time_s[index]
+        let delay_s = self.delay_s + self.delay_growth * self.data.time_s[index];
+        if !self.may_wait {
+            return delay_s;
+        }
+        let rows_late = (delay_s / self.data.interval_s).max(0.0) as usize;
+        let sent = index.saturating_sub(rows_late).max(self.range.start);
+        delay_s + self.data.wait_s(self.data.time_s[sent] + delay_s)
     }
 
     /// The sample whose command acts at this time after sample `index`.

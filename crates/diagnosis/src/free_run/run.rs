@@ -5,9 +5,11 @@ use super::{Motion, acts_by_angle, inertia_kg_m2};
 use crate::configuration::free_run::run::HELD_KG_M2;
 use crate::dataset::{Dataset, Stretch};
 use motorbench_data::rig;
+use motorbench_model::between_rows::Bulge;
 use motorbench_model::catalogue::{ActsOn, Balance, Effect, Instant};
+use motorbench_model::linear::motor_model::TimeConstants;
 use motorbench_model::motor::MotorParameters;
-use motorbench_model::pwm_period::Ripple;
+use motorbench_model::pwm_period::{Course, Ripple};
 use motorbench_model::{Input, Late, LinearSteps, Model, Reached, SAME_LENGTH_S, SwitchedStep, Term, volts};
 use std::collections::VecDeque;
 use std::ops::Range;
@@ -22,6 +24,65 @@ struct Passed {
     length_s: f64,
     mean_a: f64,
     end_a: f64,
+}
+
+/// A low-pass in front of the conversion of the current.
+struct Filter {
+    time_constant_s: f64,
+    winding_s: f64,
+    /// By how much it is behind the mean over the PWM period.
+    behind_a: f64,
+    /// What it remembers, in periods of the PWM.
+    memory: f64,
+    /// The last step's length, and what the filter does in it.
+    step: (f64, Passing),
+}
+
+/// What a low-pass does in a step.
+#[derive(Clone, Copy, Default)]
+struct Passing {
+    /// Share of what it was behind that is left.
+    left: f64,
+    /// By how much a current that rises by one ampere is ahead at the end.
+    of_rise: f64,
+    /// The same of one whose mean is an ampere above the straight line.
+    of_bulge: f64,
+}
+
+impl Filter {
+    fn of(model: &Model, data: &Dataset) -> Option<Self> {
+        let time_constant_s = data.origin.current_filter_s;
+        let is_needed = time_constant_s > 0.0 && !data.is_switched();
+        is_needed.then(|| Self {
+            time_constant_s,
+            winding_s: TimeConstants::of(&model.motor).electromagnetic_s,
+            behind_a: 0.0,
+            memory: time_constant_s * averaged_hz(data),
+            step: (0.0, Passing::default()),
+        })
+    }
+
+    /// Follows the current over a step.
+    fn follow(&mut self, first_a: f64, reached: &Reached, step_s: f64) {
+        if step_s != self.step.0 {
+            self.step = (step_s, self.passing(step_s));
+        }
+        let Passing { left, of_rise, of_bulge } = self.step.1;
+        let above_line_a = reached.mean_a - 0.5 * (first_a + reached.current_a);
+        self.behind_a = left * self.behind_a + of_rise * (reached.current_a - first_a) - of_bulge * above_line_a;
+    }
+
+    fn passing(&self, step_s: f64) -> Passing {
+        let steps = step_s / self.time_constant_s;
+        let left = (-steps).exp();
+        let of_bulge = Bulge::new(1.0, step_s, self.winding_s).in_a_low_pass(steps);
+        Passing { left, of_rise: (1.0 - left) / steps, of_bulge }
+    }
+}
+
+/// Of a time in periods.
+fn share_of_period(periods: f64) -> f64 {
+    periods - periods.floor()
 }
 
 /// A term of the model, with its state.
@@ -56,6 +117,7 @@ pub(super) struct Run<'a> {
     bulge_a: f64,
     /// Difference of the current at its sampling time from its mean over the PWM period.
     ripple_a: f64,
+    filter: Option<Filter>,
     /// The last steps, as far back as the window of the current.
     lately: VecDeque<Passed>,
     /// Whether anything depends on the ripple of the current.
@@ -136,6 +198,7 @@ impl<'a> Run<'a> {
                 linear: LinearSteps::new(&model.motor, inertia_kg_m2),
                 switched: data.is_switched().then(SwitchedStep::default),
             },
+            filter: Filter::of(model, data),
             lately: VecDeque::new(),
             acts_by_angle: acts_by_angle(model),
             has_ripple: data.current().is_some()
@@ -160,7 +223,8 @@ impl<'a> Run<'a> {
         let means = self.data.origin.timing.readings == rig::Readings::Mean;
         for index in self.range.clone() {
             let current_a = if index > self.range.start && means { self.mean_a } else { self.over_window_a() };
-            motion.current_a.push(current_a + self.ripple_a);
+            let behind_a = self.filter.as_ref().map_or(0.0, |filter| filter.behind_a);
+            motion.current_a.push(current_a - behind_a + self.ripple_a);
             motion.bulge_a.push(if means { 0.0 } else { self.bulge_a });
             motion.speed_rad_per_s.push(self.speed_rad_per_s);
             motion.angle_rad.push(self.angle_rad);
@@ -192,7 +256,12 @@ impl<'a> Run<'a> {
             charge += piece.length_s * self.simulate(index, piece, sampled_at.is_some());
         }
         if let Some((sampled_at, before)) = sampled_at.zip(self.before.as_ref()) {
-            self.ripple_a = self.above_mean_a(&before.at, &before.terms(), sampled_at);
+            let course = self.course(&before.at, &before.terms());
+            let above_a = |(course, since_pulse): (Course, f64)| match &self.filter {
+                None => course.above_mean_a(share_of_period(since_pulse)),
+                Some(filter) => course.filtered_above_mean_a(share_of_period(since_pulse), filter.memory),
+            };
+            self.ripple_a = course.map_or(0.0, |(course, pulse)| above_a((course, sampled_at - pulse)));
         }
         for term in &self.angle_sensor {
             self.lost_rad += term.effect.lost_rad_per_s(&term.values, self.speed_rad_per_s) * interval_s;
@@ -244,9 +313,13 @@ impl<'a> Run<'a> {
             effect.contribute(values, motor, at, state, &mut terms);
         }
         let before = self.speed_rad_per_s;
-        let from = (self.current_a, self.speed_rad_per_s);
+        let first_a = self.current_a;
+        let from = (first_a, self.speed_rad_per_s);
         let reached = self.stepper.take(motor, self.inertia_kg_m2, at.step_s, from, input, &terms);
         (self.current_a, self.speed_rad_per_s) = (reached.current_a, reached.speed_rad_per_s);
+        if let Some(filter) = &mut self.filter {
+            filter.follow(first_a, &reached, at.step_s);
+        }
         self.acceleration_rad_per_s2 = (self.speed_rad_per_s - before) / at.step_s;
         self.angle_rad += 0.5 * (before + self.speed_rad_per_s) * at.step_s;
         at.current_a = self.current_a;
@@ -295,11 +368,11 @@ impl<'a> Run<'a> {
     fn change_duty(&mut self, voltage_v: f64, duty: f64) {
         let is_another = |before: &&Before| before.at.duty != duty && !before.at.open;
         let Some(before) = self.before.as_ref().filter(is_another).copied() else { return };
-        let begun = self.above_mean_a(&before.at, &before.terms(), 0.0);
+        let begun = self.begun_above_mean_a(&before.at, &before.terms());
         let at = Instant { voltage_v, duty, ..before.at };
         self.change_ripple(duty);
         let terms = Balance { ripple: &self.driven.1, ..before.terms };
-        self.current_a += begun - self.above_mean_a(&at, &terms, 0.0);
+        self.current_a += begun - self.begun_above_mean_a(&at, &terms);
     }
 
     /// The PWM with a duty, which is the same for many steps.
@@ -311,14 +384,17 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Current at its sampling time in the period, less its mean.
-    fn above_mean_a(&self, at: &Instant, terms: &Balance, sampled_at: f64) -> f64 {
-        if at.open || at.duty == 0.0 {
-            return 0.0;
-        }
-        let since_pulse = sampled_at - self.data.origin.pulse.begins_at(at.duty);
-        let sampled_at = if since_pulse < 0.0 { since_pulse + 1.0 } else { since_pulse };
-        let volts = volts(&self.model.motor, at.current_a, at.speed_rad_per_s, at.voltage_v, terms);
-        terms.ripple.sampled_a(at.current_a, sampled_at, &volts) - at.current_a
+    /// Current at the begin of a period, less its mean.
+    fn begun_above_mean_a(&self, at: &Instant, terms: &Balance) -> f64 {
+        self.course(at, terms).map_or(0.0, |(course, pulse)| course.above_mean_a(share_of_period(-pulse)))
+    }
+
+    /// The current through a period from the begin of its pulse, and where that is in the period.
+    fn course(&self, at: &Instant, terms: &Balance) -> Option<(Course, f64)> {
+        let is_driven = !at.open && at.duty != 0.0;
+        is_driven.then(|| {
+            let volts = volts(&self.model.motor, at.current_a, at.speed_rad_per_s, at.voltage_v, terms);
+            (terms.ripple.course(at.current_a, &volts), self.data.origin.pulse.begins_at(at.duty))
+        })
     }
 }

@@ -6,7 +6,7 @@ use super::sensitivities::Sensitivities;
 use super::unknown_scale::UnknownScale;
 use super::unknowns::{Unknown, prior_cost, unknowns};
 use super::{Effort, Fit, Prior, square, weighted_residual};
-use crate::configuration::identify::search::{FAR, TRIES, TRIES_CORRECTED};
+use crate::configuration::identify::search::{FAR, LEAST_KEPT, TRIES, TRIES_CORRECTED};
 use crate::free_run::{Prediction, Replay, Steps};
 use motorbench_model::Model;
 use nalgebra::DVector;
@@ -36,6 +36,8 @@ struct Taken {
     before: Point,
     /// Whether a longer one was no better.
     is_shortened: bool,
+    /// What it gained of what the sensitivities promised.
+    kept_share: f64,
 }
 
 /// Sensitivities, and whether they belong to this point or are corrected ones of another.
@@ -104,7 +106,7 @@ impl<'a> Search<'a> {
         loop {
             let left = self.step(&mut known);
             self.settle();
-            let Some(Taken { before, is_shortened }) = left else {
+            let Some(Taken { before, is_shortened, kept_share }) = left else {
                 if known.is_simulated {
                     return Some(known.sensitivities);
                 }
@@ -131,7 +133,7 @@ impl<'a> Search<'a> {
             if steps_left == 0 || self.is_given_up {
                 return None;
             }
-            if gained < FAR * before.cost {
+            if gained < FAR * before.cost && kept_share > LEAST_KEPT {
                 self.correct(&mut known, &before, &self.at);
             } else {
                 known = simulated(self);
@@ -168,7 +170,8 @@ impl<'a> Search<'a> {
             if there.cost < self.at.cost {
                 self.damping = (self.damping * 0.2).max(1e-9);
                 let before = std::mem::replace(&mut self.at, there);
-                return Some(Taken { before, is_shortened: tried > 0 });
+                let kept_share = (before.cost - self.at.cost) / self.promised(&known.sensitivities, &before);
+                return Some(Taken { before, is_shortened: tried > 0, kept_share });
             }
             if !known.is_simulated && there.cost.is_finite() {
                 self.correct(known, &self.at, &there);
@@ -199,6 +202,14 @@ impl<'a> Search<'a> {
             unknown.set(&mut model, unknown.get(&self.at.model) - step.clamp(-limit, limit));
         }
         model
+    }
+
+    /// By how much the step to the present point should have lowered the cost.
+    fn promised(&self, sensitivities: &Sensitivities, before: &Point) -> f64 {
+        let moved = self.unknowns.iter().map(|unknown| unknown.get(&before.model) - unknown.get(&self.at.model));
+        let moved = DVector::from_iterator(self.unknowns.len(), moved);
+        let gradient = sensitivities.gradient(&before.model, &before.residual, &self.unknowns);
+        2.0 * gradient.dot(&moved) - moved.dot(&(&sensitivities.normal * &moved))
     }
 
     /// Corrects sensitivities by the change from one point to another.

@@ -30,6 +30,9 @@ struct Bench {
     pwm_hz: f64,
     /// The duty in this period, if a new one waits for the next period.
     latched: Option<f64>,
+    /// Of a low-pass at the current sensor.
+    filter_s: f64,
+    filtered_a: f64,
     time_s: f64,
     current_a: f64,
     speed_rad_per_s: f64,
@@ -38,7 +41,17 @@ struct Bench {
 impl Bench {
     /// At rest.
     fn new(drops_v: [f64; 2], pwm_hz: f64) -> Self {
-        Self { drops_v, off_phase_ohm: 0.0, pwm_hz, latched: None, time_s: 0.0, current_a: 0.0, speed_rad_per_s: 0.0 }
+        Self {
+            drops_v,
+            off_phase_ohm: 0.0,
+            pwm_hz,
+            latched: None,
+            filter_s: 0.0,
+            filtered_a: 0.0,
+            time_s: 0.0,
+            current_a: 0.0,
+            speed_rad_per_s: 0.0,
+        }
     }
 
     /// Runs at a duty for a time; returns the mean current.
@@ -66,6 +79,7 @@ impl Bench {
             let free = self.speed_rad_per_s + STEP_S / INERTIA_KG_M2 * TORQUE_CONSTANT * self.current_a;
             self.speed_rad_per_s = towards_zero(free, STEP_S / INERTIA_KG_M2 * FRICTION_NM);
             self.time_s += STEP_S;
+            self.filtered_a += STEP_S / (self.filter_s + STEP_S) * (self.current_a - self.filtered_a);
             sum_a += self.current_a;
         }
         sum_a / steps as f64
@@ -366,6 +380,43 @@ fn each_edge_of_a_slow_pwm_is_simulated() {
     ] {
         let value = found.parameters[name].value;
         assert!((value / truth - 1.0).abs() < 0.05, "seed {seed}, {pwm_hz} Hz: {name} {value} for {truth}");
+    }
+}
+
+/// A timer that takes a duty at once or with its next period, and a current that is read at one instant behind the capacitor
+/// of its sensor. What the ripple tells of both is no inductance and no lag.
+#[test]
+fn a_capacitor_at_the_sensor_and_a_wait_are_no_inductance() {
+    let seed = fresh_seed();
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let pwm_hz = PWM_HZ * random.random_range(0.997..1.003);
+    let mut bench = Bench::new([0.0; 2], pwm_hz);
+    bench.latched = random.random::<bool>().then_some(0.0);
+    bench.filter_s = random.random_range(15e-6..50e-6);
+    let case = format!("seed {seed}, {pwm_hz} Hz, latched {:?}, {} s", bench.latched, bench.filter_s);
+    let filter_s = bench.filter_s;
+    bench.run(0.0, random.random_range(0.1..0.2));
+    let mut text = String::from("t_s,duty,omega_rad_per_s,i_A\n");
+    for row in 0..8000 {
+        let time_s = f64::from(row) * 1e-3;
+        let [of_speed, of_current] = [0.3, 0.01].map(|size| size * random.random_range(-1.0..1.0));
+        let (speed, current) = (bench.speed_rad_per_s + of_speed, bench.filtered_a + of_current);
+        let _ = writeln!(text, "{time_s:.3},{:.5},{speed:.4},{current:.5}", command(time_s));
+        bench.run(command(time_s), 1e-3);
+    }
+    let rig = format!(
+        "[supply]\nvoltage_V = {SUPPLY_V}\n[bridge]\npwm_Hz = {PWM_HZ}\n[motor]\nresistance_ohm = 9.2\ninductance_H = 0.00425\ntorque_constant_Nm_per_A = 0.0405\ninertia_kg_m2 = 2.3e-5\n[recording]\ncommand_delay_s = 0\nspeed_window_s = 0\n"
+    );
+    let recording = Recording::parse("run.csv", text.as_bytes(), &[]).unwrap();
+    let found = diagnose(&[recording], &Rig::parse("rig.toml", &rig).unwrap(), &|_| ()).unwrap();
+    let outcome = &found.outcome;
+    assert_eq!(names(outcome), ["coulomb_friction"], "{case}: {outcome:?}");
+    let found_s = found.data.origin.current_filter_s;
+    assert!((found_s / filter_s - 1.0).abs() < 0.15, "{case}: {found_s} s");
+    for (name, truth) in [("resistance_ohm", RESISTANCE_OHM), ("inductance_H", INDUCTANCE_H)] {
+        let value = outcome.parameters[name].value;
+        // A duty that is taken within a period begins a pulse of another length there, which is not simulated.
+        assert!((value / truth - 1.0).abs() < 0.05, "{case}: {name} {value} for {truth}");
     }
 }
 

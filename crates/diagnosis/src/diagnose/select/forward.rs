@@ -29,7 +29,7 @@ impl Chooser<'_> {
     pub(super) fn forward(&self, mut current: Fit, mut steps: Vec<Step>, lead: Lead) -> Way {
         let mut ahead = 0;
         while steps.len() < MOST_EFFECTS {
-            let mut fits = self.candidates(&current, steps.is_empty());
+            let mut fits = self.candidates(&current, lead, steps.is_empty());
             let significant = |fits: &[Fit]| match lead {
                 Lead::Significance => self.first_with_evidence(&current, fits),
                 Lead::Cost => None,
@@ -65,16 +65,19 @@ impl Chooser<'_> {
     }
 
     /// Fits with one more effect, of the most promising ones, the best first.
-    fn candidates(&self, current: &Fit, is_linear_fit: bool) -> Vec<Fit> {
+    fn candidates(&self, current: &Fit, lead: Lead, is_first: bool) -> Vec<Fit> {
         let mut promises = self.promises(current);
         let best = promises.first().map_or(0.0, |promise| promise.gain);
         let nearly = promises.iter().take_while(|promise| promise.gain > NEARLY_AS_PROMISING * best).count();
-        promises.truncate(nearly.max(TRIED));
+        // Beside a refined law, what shows only together promises little: the law's constants move with it.
+        if lead != Lead::Evidence {
+            promises.truncate(nearly.max(TRIED));
+        }
         promises.retain(|promise| promise.gain > TRIED_SHARE * best);
         (self.progress)(&format!("{} effects, trying {}", current.model.terms.len(), promises.len()));
         let tried = self.try_all(&current.model, &promises, Effort::TRIAL.useless_above(current.cost));
         let mut fits: Vec<Fit> = tried.into_iter().map(|(_, fit)| fit).collect();
-        if is_linear_fit && !promises.is_empty() {
+        if is_first && lead != Lead::Evidence && !promises.is_empty() {
             fits.extend(self.fresh(current));
         }
         fits.sort_by(|a, b| a.cost.total_cmp(&b.cost));
