@@ -1,10 +1,12 @@
 //! The current within one period of the PWM. Where that is short beside the electrical time constant it rises and falls
 //! in straight lines. At the few hundred hertz of an Uno's unchanged timers it does so in exponentials.
 
+mod low_pass;
+
+use low_pass::{Piece, filtered};
+
 /// A period of less than this share of the electrical time constant has straight lines.
 const STRAIGHT: f64 = 0.2;
-/// Two time constants whose quotient is nearer to one are the same.
-const SAME: f64 = 1e-6;
 
 /// What drives the current through a period, in the direction of positive motion.
 #[derive(Clone, Copy, Debug)]
@@ -299,52 +301,6 @@ impl Course {
     }
 }
 
-/// A part of the period in which one voltage drives.
-#[derive(Clone, Copy)]
-struct Piece {
-    length: f64,
-    /// What it begins with.
-    from: f64,
-    /// By how much that would grow over a period without resistance.
-    drive: f64,
-}
-
-impl Piece {
-    /// A low-pass that follows this piece for ever, after a share of the period.
-    fn followed(&self, since: f64, decay: f64, memory: f64) -> f64 {
-        if decay == 0.0 {
-            return self.from + self.drive * (since - memory);
-        }
-        // A low-pass as slow as the winding would need another form; one a little quicker does the same.
-        let apart = 1.0 - decay * memory;
-        let towards = self.drive / decay;
-        towards + (self.from - towards) * (-decay * since).exp() / if apart.abs() < SAME { SAME } else { apart }
-    }
-
-    /// Its output after a share of the period, from this output at its begin.
-    fn filtered(&self, begun: f64, since: f64, decay: f64, memory: f64) -> f64 {
-        let apart = begun - self.followed(0.0, decay, memory);
-        self.followed(since, decay, memory) + apart * (-since / memory).exp()
-    }
-}
-
-/// The output of a low-pass at a share of a period that consists of these pieces, after many such periods.
-fn filtered(pieces: &[Piece], decay: f64, at: f64, memory: f64) -> f64 {
-    let over =
-        |begun: f64| pieces.iter().fold(begun, |begun, piece| piece.filtered(begun, piece.length, decay, memory));
-    // What it began with long ago is forgotten.
-    let mut output = over(0.0) / -(-1.0 / memory).exp_m1();
-    let mut since = at;
-    for piece in pieces {
-        if since < piece.length {
-            return piece.filtered(output, since, decay, memory);
-        }
-        output = piece.filtered(output, piece.length, decay, memory);
-        since -= piece.length;
-    }
-    output
-}
-
 /// The same of a current that does not touch zero.
 #[derive(Clone, Copy, Debug)]
 struct Swing {
@@ -456,6 +412,12 @@ impl Cycle {
         if self.decay == 0.0 { straight } else { (self.decay * straight).ln_1p() / self.decay }
     }
 
+    /// The shares of the period in which it comes back to zero, in the pulse and in the off phase.
+    fn towards_zero(&self) -> [f64; 2] {
+        let ways = [(self.low_v, self.return_v), (self.high_v, self.fall_v)];
+        ways.map(|(height_v, driving_v)| if height_v > 0.0 { self.until_zero(height_v, driving_v) } else { 0.0 })
+    }
+
     fn mean_v(&self) -> f64 {
         if self.decay != 0.0 {
             return self.balance_v() / self.decay;
@@ -471,8 +433,7 @@ impl Cycle {
     /// Mean of what drives the current while it flows: over a period the resistance takes all of it.
     fn balance_v(&self) -> f64 {
         let Self { pulse, low_v, high_v, .. } = *self;
-        let returning = if low_v > 0.0 { self.until_zero(low_v, self.return_v) } else { 0.0 };
-        let falling = if high_v > 0.0 { self.until_zero(high_v, self.fall_v) } else { 0.0 };
+        let [returning, falling] = self.towards_zero();
         let rising = if high_v > 0.0 { pulse - returning } else { 0.0 };
         let reversing = if low_v > 0.0 { 1.0 - pulse - falling } else { 0.0 };
         self.return_v * returning + self.rise_v * rising - self.fall_v * falling - self.reverse_v * reversing
@@ -481,9 +442,7 @@ impl Cycle {
     /// Back to zero and from it, in the pulse and in the off phase.
     fn pieces(&self) -> [Piece; 4] {
         let Self { pulse, low_v, high_v, .. } = *self;
-        let until_zero =
-            |height_v: f64, driving_v: f64| if height_v > 0.0 { self.until_zero(height_v, driving_v) } else { 0.0 };
-        let (returned, fallen) = (until_zero(low_v, self.return_v), until_zero(high_v, self.fall_v));
+        let [returned, fallen] = self.towards_zero();
         [
             Piece { length: returned, from: -low_v, drive: self.return_v },
             Piece { length: pulse - returned, from: 0.0, drive: self.rise_v.max(0.0) },

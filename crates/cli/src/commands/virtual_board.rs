@@ -1,6 +1,8 @@
 //! `motorbench virtual`: a board without hardware.
 
 #[cfg(all(feature = "chip", unix))]
+mod orders;
+#[cfg(all(feature = "chip", unix))]
 mod surroundings;
 
 use super::{Failure, TERMINAL};
@@ -101,28 +103,26 @@ pub use with_chip::run;
 mod with_chip {
     use super::super::port::option;
     use super::super::{cannot_write, firmware, read_rig, write_whole};
+    use super::orders::{Control, from_terminal};
     use super::surroundings::{ORDERS, Surroundings, USUAL_SUPPLY_V, Until, model_file};
     use super::{Arguments, Failure};
     use host_sim::plant::ModelPlant;
     use motorbench_chip::{Bench, EEPROM_BYTES, Rig as Circuit, Tachogenerator};
     use motorbench_data::rig::Rig;
     use motorbench_link::port::USUAL_LINK;
-    use motorbench_link::virtual_control::{Starting, VirtualControl, control_path};
+    use motorbench_link::virtual_control::{Starting, VirtualControl};
     use motorbench_text::terminal_text::fitted;
     use rustix::event::{PollFd, PollFlags, Timespec, poll};
     use rustix::fs::OFlags;
     use rustix::io::{ioctl_fionbio, ioctl_fionread};
-    use rustix::process::getpgrp;
     use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
-    use rustix::stdio::stdin;
-    use rustix::termios::{OptionalActions, tcgetattr, tcgetpgrp, tcsetattr};
+    use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
     use std::borrow::Cow;
     use std::fs::File;
-    use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
+    use std::io::{ErrorKind, Read, Write};
     use std::os::unix::fs::OpenOptionsExt;
-    use std::os::unix::net::{UnixListener, UnixStream};
     use std::path::{Path, PathBuf};
-    use std::sync::mpsc::{Sender, channel};
+    use std::sync::mpsc::channel;
     use std::time::{Duration, Instant};
 
     /// What a person does where no firmware can be built.
@@ -138,8 +138,6 @@ mod with_chip {
     const UNREAD: usize = 1024;
     /// How often it is looked meanwhile.
     const LOOK_AGAIN: Duration = Duration::from_millis(1);
-    /// The same for the terminal.
-    const LOOK_AT_TERMINAL: Duration = Duration::from_millis(200);
     const COUNTS_PER_REV: f64 = 2000.0;
     /// The firmware says what it is within so much of its time; another one may say nothing.
     const GREETS_WITHIN_S: f64 = 0.5;
@@ -509,98 +507,5 @@ mod with_chip {
                 (self.start, self.simulated_s) = (now, 0.0);
             }
         }
-    }
-
-    /// A line that changes the bench.
-    struct Order {
-        line: String,
-        /// Who wants an answer; else it is the terminal.
-        from: Option<UnixStream>,
-    }
-
-    impl Order {
-        fn answer(self, done: Result<(), String>, json: bool) {
-            match (self.from, done) {
-                // Who does not wait for the answer does not want it.
-                (Some(mut from), Ok(())) => drop(writeln!(from, "ok")),
-                (Some(mut from), Err(why)) => drop(writeln!(from, "error: {why}")),
-                (None, done) if json => println!("{}", serde_json::json!({ "line": self.line, "error": done.err() })),
-                (None, Ok(())) => {}
-                (None, Err(why)) => println!("{why}"),
-            }
-        }
-    }
-
-    /// The socket beside the port, see [`motorbench_link::virtual_control`]; gone when this is dropped.
-    struct Control(PathBuf);
-
-    impl Control {
-        fn new(port: &Path, orders: Sender<Order>) -> Result<Self, Failure> {
-            let path = control_path(port);
-            // Of a virtual board that was killed: one that runs was found before.
-            let _ = std::fs::remove_file(&path);
-            let listener = UnixListener::bind(&path)
-                .map_err(|error| Failure::machine(format!("{}: {error}; choose another --link", path.display())))?;
-            std::thread::spawn(move || {
-                for stream in listener.incoming().map_while(Result::ok) {
-                    let orders = orders.clone();
-                    std::thread::spawn(move || {
-                        for line in BufReader::new(&stream).lines().map_while(Result::ok) {
-                            let order = Order { line, from: stream.try_clone().ok() };
-                            if orders.send(order).is_err() {
-                                return;
-                            }
-                        }
-                    });
-                }
-            });
-            Ok(Self(path))
-        }
-    }
-
-    impl Drop for Control {
-        fn drop(&mut self) {
-            let _ = std::fs::remove_file(&self.0);
-        }
-    }
-
-    /// Standard input while this program has the terminal. The system stops a program that reads from it in the background
-    /// (`&`), and the board with it.
-    struct Foreground;
-
-    impl Foreground {
-        /// An input that is no terminal, or another program's, can be read at any time.
-        fn has_terminal() -> bool {
-            !tcgetpgrp(stdin()).is_ok_and(|group| group != getpgrp())
-        }
-
-        /// Whether a read would come back at once: with a line, or with the end of the input.
-        fn has_come() -> std::io::Result<bool> {
-            let within = Timespec { tv_sec: 0, tv_nsec: LOOK_AT_TERMINAL.subsec_nanos().into() };
-            Ok(poll(&mut [PollFd::new(&stdin(), PollFlags::IN)], Some(&within))? > 0)
-        }
-    }
-
-    impl Read for Foreground {
-        fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
-            loop {
-                if !Self::has_terminal() {
-                    std::thread::sleep(LOOK_AT_TERMINAL);
-                } else if Self::has_come()? && Self::has_terminal() {
-                    return Ok(rustix::io::read(stdin(), buffer)?);
-                }
-            }
-        }
-    }
-
-    /// Lines from the terminal, as they come.
-    fn from_terminal(orders: Sender<Order>) {
-        std::thread::spawn(move || {
-            for line in BufReader::new(Foreground).lines().map_while(Result::ok) {
-                if orders.send(Order { line, from: None }).is_err() {
-                    return;
-                }
-            }
-        });
     }
 }

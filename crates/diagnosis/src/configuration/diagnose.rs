@@ -244,13 +244,8 @@ pub(crate) mod pwm_phase {
     /// So many of those are fitted, far from each other.
     pub const FITTED: usize = 4;
     pub const HALVINGS: i32 = 4;
-    /// The first move of what is known nearly, and the least one, in periods.
-    pub const FARTHEST: f64 = 0.02;
-    pub const NEAREST: f64 = 0.001;
     /// The low-pass in front of a conversion that is tried first, in periods.
     pub const FIRST_FILTER: f64 = 0.1;
-    /// Phase, frequency and model are found in turn, this often.
-    pub const ROUNDS: usize = 3;
     /// So many ripples of different frequencies are compared: rows in step see several as the same one.
     pub const RIPPLES: usize = 3;
     /// A phase shows in any part of a recording in which the command changes; this much suffices.

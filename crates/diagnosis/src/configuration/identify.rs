@@ -49,6 +49,18 @@ pub(crate) mod search {
     pub const LEAST_KEPT: f64 = 0.05;
 }
 
+/// [`crate::identify::recording_items`].
+pub(crate) mod recording_items {
+    /// Finite differences on both sides, in units of an item: small beside what the data tell, and large beside rounding.
+    pub const DIFFERENCE: f64 = 2e-3;
+    /// The farthest that one step moves an item: beyond it, its effect is not linear.
+    pub const LONGEST: f64 = 0.1;
+    /// Steps and dampings as in a fit. It ends where a step gains less than this share of the cost.
+    pub const STEPS: usize = 8;
+    pub const TRIES: usize = 5;
+    pub const LEAST_GAIN: f64 = 5e-4;
+}
+
 /// [`crate::identify::sensitivities`].
 pub(crate) mod sensitivities {
     /// Relative step of the finite differences.

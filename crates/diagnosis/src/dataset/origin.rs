@@ -157,6 +157,14 @@ impl Origin {
         self.timing.current_sampled_at.or(self.pwm_phase.map(at))
     }
 
+    /// The share of its period at which a PWM that is averaged takes a duty that comes at this time.
+    pub fn takes_duty_at(&self, time_s: f64) -> f64 {
+        match self.pwm_phase {
+            Some(phase) if self.latch == Latch::AtOnce => (phase + time_s * self.pwm_hz).rem_euclid(1.0),
+            _ => 0.0,
+        }
+    }
+
     /// Begin and end of the PWM period around a time.
     pub fn period_around_s(&self, time_s: f64) -> [f64; 2] {
         let phase = self.pwm_phase.unwrap_or(0.0);

@@ -40,13 +40,13 @@ impl Dataset {
 
     /// The same with a low-pass in front of the conversion of the current that is slower by so much. Each reading keeps its
     /// mean delay.
-    pub fn with_current_filtered(&self, slower_s: f64) -> Self {
-        let mut other = self.clone();
-        let filter_s = (self.origin.current_filter_s + slower_s).max(0.0);
-        let later = self.origin.pwm_hz * (filter_s - self.origin.current_filter_s);
-        other.origin.current_filter_s = filter_s;
-        other.origin.pwm_phase = self.origin.pwm_phase.map(|phase| (phase + later).rem_euclid(1.0));
-        other
+    pub fn with_current_filtered(mut self, slower_s: f64) -> Self {
+        let origin = &mut self.origin;
+        let filter_s = (origin.current_filter_s + slower_s).max(0.0);
+        let later = origin.pwm_hz * (filter_s - origin.current_filter_s);
+        origin.current_filter_s = filter_s;
+        origin.pwm_phase = origin.pwm_phase.map(|phase| (phase + later).rem_euclid(1.0));
+        self
     }
 
     /// The same with a timer that takes a new duty at another time.
@@ -62,9 +62,19 @@ impl Dataset {
         match origin.latch {
             _ if !self.may_wait() => 0.0,
             Latch::AtOnce => 0.0,
-            Latch::WithPeriod if origin.pwm_phase.is_some() => origin.period_around_s(at_s)[1] - at_s,
+            _ if self.waits_in_phase() => origin.period_around_s(at_s)[1] - at_s,
             Latch::WithPeriod | Latch::OnAverage => 0.5 / origin.pwm_hz,
         }
+    }
+
+    /// How long ago the last command came that may act at this time.
+    pub fn waited_s(&self, at_s: f64) -> f64 {
+        if self.waits_in_phase() { at_s - self.origin.period_around_s(at_s)[0] } else { self.wait_s(at_s) }
+    }
+
+    /// Whether each command waits for a period whose begin is known.
+    pub fn waits_in_phase(&self) -> bool {
+        self.origin.latch == Latch::WithPeriod && self.origin.pwm_phase.is_some() && self.may_wait()
     }
 
     /// Whether commands come at any time in a period of a PWM that is averaged. Rows in step with it always wait for one

@@ -6,10 +6,10 @@ use super::judge::{NOT_NOISE, VERY_STRONG_NATS, above_floor, evidence_nats};
 use super::pwm_frequency::with_usual_bridges;
 use super::pwm_ripple::ripples;
 use crate::configuration::diagnose::pwm_phase::{
-    EXCERPT_S, FARTHEST, FIRST_FILTER, FITTED, HALVINGS, NEAREST, PHASES, PHASES_OF_SLOW, RIPPLE_TELLS, RIPPLES, ROUNDS,
+    EXCERPT_S, FIRST_FILTER, FITTED, HALVINGS, PHASES, PHASES_OF_SLOW, RIPPLE_TELLS, RIPPLES,
 };
 use crate::dataset::{Dataset, Latch};
-use crate::identify::{Effort, Fit, Prior, fit};
+use crate::identify::{Effort, Fit, Item, Prior, fit, fit_with_items};
 use maybe_rayon::prelude::*;
 use motorbench_model::Model;
 
@@ -74,7 +74,7 @@ fn as_read(data: Dataset, prior: &Prior, found: Fit) -> (Dataset, Fit) {
         return best;
     }
     if best.0.origin.current_filter_s == 0.0 {
-        let filtered = best.0.with_current_filtered(FIRST_FILTER / best.0.origin.pwm_hz);
+        let filtered = best.0.clone().with_current_filtered(FIRST_FILTER / best.0.origin.pwm_hz);
         let found = fit(&best.1.model, &filtered, prior, Effort::TRIAL);
         let (filtered, found) = polished(&filtered, prior, found);
         if evidence_nats(&best.0, &best.1, &found) > least_nats(&best.0) {
@@ -82,7 +82,7 @@ fn as_read(data: Dataset, prior: &Prior, found: Fit) -> (Dataset, Fit) {
         }
     }
     match taken_otherwise(&best.0, prior, &best.1) {
-        Some((other, found)) if found.cost < best.1.cost => polished(&other, prior, found),
+        Some((other, found)) if found.cost < best.1.cost => (other, found),
         _ => best,
     }
 }
@@ -97,48 +97,21 @@ fn taken_otherwise(data: &Dataset, prior: &Prior, found: &Fit) -> Option<(Datase
     let fitted = others.into_par_iter().map(|latch| {
         let other = data.with_latch(latch);
         let found = fit(&found.model, &other, prior, Effort::TRIAL);
-        (other, found)
+        if other.origin.pwm_phase.is_some() { polished(&other, prior, found) } else { (other, found) }
     });
     fitted.min_by(|a, b| a.1.cost.total_cmp(&b.1.cost))
 }
 
-/// The data with the phase and the frequency nearby with which a model fits best, and its fit. Both are found in turn, with
-/// the low-pass in front of the conversion if there is one.
+/// The data with the phase and the frequency nearby with which a model fits best, and its fit. A low-pass in front of the
+/// conversion is found with them, if there is one.
 fn polished(data: &Dataset, prior: &Prior, found: Fit) -> (Dataset, Fit) {
-    let mut best = (data.clone(), found);
-    for _ in 0..ROUNDS {
-        let (other, cost) = moved_to_the_best(&best.0, prior, &best.1);
-        if cost >= best.1.cost {
-            break;
-        }
-        let found = fit(&best.1.model, &other, prior, Effort::TRIAL);
-        best = (other, found);
-    }
-    best
-}
-
-/// The same for the model as it stands, and its cost: a search in a pattern that halves.
-fn moved_to_the_best(data: &Dataset, prior: &Prior, found: &Fit) -> (Dataset, f64) {
-    let cost = |data: &Dataset| fit(&found.model, data, prior, Effort::NONE).cost;
-    let mut best = (data.clone(), found.cost);
-    let mut distance = FARTHEST;
-    while distance > NEAREST {
-        let is_filtered = best.0.origin.current_filter_s > 0.0;
-        let mut moves = vec![[distance, 0.0, 0.0], [-distance, 0.0, 0.0], [0.0, distance, 0.0], [0.0, -distance, 0.0]];
-        if is_filtered {
-            moves.extend([[0.0, 0.0, distance], [0.0, 0.0, -distance]]);
-        }
-        let others = moves.into_par_iter().map(|[periods, turns, slower]| {
-            let other = best.0.with_pwm_moved(periods, turns).with_current_filtered(slower / best.0.origin.pwm_hz);
-            let cost = cost(&other);
-            (other, cost)
-        });
-        match others.min_by(|a, b| a.1.total_cmp(&b.1)).filter(|(_, cost)| *cost < best.1) {
-            Some(better) => best = better,
-            None => distance *= 0.5,
-        }
-    }
-    best
+    let moved: [Item; 3] = [
+        |data, periods| data.with_pwm_moved(periods, 0.0),
+        |data, turns| data.with_pwm_moved(0.0, turns),
+        |data, periods| data.clone().with_current_filtered(periods / data.origin.pwm_hz),
+    ];
+    let is_filtered = data.origin.current_filter_s > 0.0;
+    fit_with_items(data, prior, found, if is_filtered { &moved } else { &moved[..2] })
 }
 
 /// The phase of a slow PWM with very strong evidence.

@@ -241,8 +241,7 @@ impl<'a> Knife<'a> {
             return;
         }
         let interval_s = data.time_s[index + 1] - data.time_s[index];
-        let delay_s = self.delay_at(index);
-        let acting = |since_s: f64| self.acting_at(index, since_s - delay_s);
+        let acting = |since_s: f64| self.acting_at(index, self.taken_s(index, since_s));
         let (first, last) = (acting(0.0), acting(interval_s));
         let longest_step_s =
             self.longest_step_s * if self.leaps(self.acting_before(index), last) { OF_LEAP } else { 1.0 };
@@ -285,12 +284,12 @@ impl<'a> Knife<'a> {
         if has_begun && after == before {
             return [part(since_s, length_s, after, None), None];
         }
-        let delay_s = self.delay_at(index);
         let reverses = |row: usize| data.duty[row] * data.duty[before] < 0.0;
         let switches = |row: &usize| data.open[*row] != data.open[before] || self.leaps(before, *row) || reverses(*row);
-        let acts_s = |row: usize| data.acts_from_s(row) + delay_s - data.time_s[index] - since_s;
+        let acts_s = |row: usize| self.acts_s(index, row) - data.time_s[index] - since_s;
         let is_within = |first_s: &f64| (SAME_LENGTH_S..length_s - SAME_LENGTH_S).contains(first_s);
-        if has_begun && after == before + 1 && data.axis.drive.is_voltage() {
+        let is_next = after == before + 1 || data.waits_in_phase();
+        if has_begun && is_next && data.axis.drive.is_voltage() {
             let first_s = acts_s(after);
             let rest_s = length_s - first_s;
             if is_within(&first_s) && switches(&after) {
@@ -302,14 +301,28 @@ impl<'a> Knife<'a> {
             }
         }
         let mean = |since_s: f64, length_s: f64| {
-            let (command, duty) = self.command(index, since_s - delay_s, length_s);
-            let acting = self.acting_at(index, since_s + 0.5 * length_s - delay_s);
+            if data.waits_in_phase() {
+                return self.waiting_part(index, since_s, length_s);
+            }
+            let (command, duty) = self.command(index, self.taken_s(index, since_s), length_s);
+            let acting = self.acting_at(index, self.taken_s(index, since_s + 0.5 * length_s));
             Some(Part { since_s, length_s, command, duty, change: None, open: data.open[acting] })
         };
-        match (before + 1..=after).find(switches).map(acts_s).filter(is_within) {
+        let jumps = if has_begun { (before + 1..=after).find(switches) } else { Some(before) };
+        match jumps.map(acts_s).filter(is_within) {
             Some(first_s) => [mean(since_s, first_s), mean(since_s + first_s, length_s - first_s)],
             None => [mean(since_s, length_s), None],
         }
+    }
+
+    /// A part of a step in which the command of one sample acts, or none before a start from rest.
+    fn waiting_part(&self, index: usize, since_s: f64, length_s: f64) -> Option<Part> {
+        let data = self.data;
+        let middle_s = since_s + 0.5 * length_s;
+        let row = self.acting_at(index, self.taken_s(index, middle_s));
+        let has_begun = !self.from_rest || self.acts_s(index, row) < data.time_s[index] + middle_s;
+        let (command, duty) = if has_begun { (data.command[row], data.duty[row]) } else { (0.0, 0.0) };
+        Some(Part { since_s, length_s, command, duty, change: None, open: data.open[row] })
     }
 
     /// The recorded angle after a sample, where a term depends on it.
@@ -365,8 +378,7 @@ impl<'a> Knife<'a> {
 
     /// When the command after that of `row` acts, as the delay is around sample `index`.
     fn changes_s(&self, index: usize, row: usize) -> f64 {
-        let acts_s = |next: usize| self.data.acts_from_s(next) + self.delay_at(index);
-        if row + 1 < self.range.end { acts_s(row + 1) } else { f64::INFINITY }
+        if row + 1 < self.range.end { self.acts_s(index, row + 1) } else { f64::INFINITY }
     }
 
     /// Whether the voltage jumps from the command of one sample to that of another: the current may turn round.
@@ -377,20 +389,27 @@ impl<'a> Knife<'a> {
     /// The sample whose command acts until sample `index`.
     fn acting_before(&self, index: usize) -> usize {
         match self.acts_within {
-            true => self.acting_at(index, -self.delay_at(index) - SAME_LENGTH_S),
+            true => self.acting_at(index, self.taken_s(index, -SAME_LENGTH_S) - SAME_LENGTH_S),
             false => index.max(self.range.start + 1) - 1,
         }
     }
 
-    /// By how much a command acts late around a row.
+    /// By how much a command comes late around a row.
     fn delay_at(&self, index: usize) -> f64 {
-        let delay_s = self.delay_s + self.delay_growth * self.data.time_s[index];
-        if !self.may_wait {
-            return delay_s;
-        }
-        let rows_late = (delay_s / self.data.interval_s).max(0.0) as usize;
-        let sent = index.saturating_sub(rows_late).max(self.range.start);
-        delay_s + self.data.wait_s(self.data.time_s[sent] + delay_s)
+        self.delay_s + self.delay_growth * self.data.time_s[index]
+    }
+
+    /// When the command of a row acts, as the delay is around sample `index`.
+    fn acts_s(&self, index: usize, row: usize) -> f64 {
+        let comes_s = self.data.acts_from_s(row) + self.delay_at(index);
+        if self.may_wait { comes_s + self.data.wait_s(comes_s) } else { comes_s }
+    }
+
+    /// After sample `index`, until when a command was sent that may act `since_s` after it.
+    fn taken_s(&self, index: usize, since_s: f64) -> f64 {
+        let data = self.data;
+        let waited_s = if self.may_wait { data.waited_s(data.time_s[index] + since_s) } else { 0.0 };
+        since_s - waited_s - self.delay_at(index)
     }
 
     /// The sample whose command acts at this time after sample `index`.
@@ -460,6 +479,7 @@ impl<'a> Knife<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::identify::Prior;
     use motorbench_data::recording::Recording;
     use motorbench_data::rig::Rig;
     use proptest::prelude::*;
@@ -478,6 +498,51 @@ mod tests {
         let rig = "[supply]\nvoltage_V = 12\n[encoder]\ncounts_per_rev = 2000\n";
         let data = Dataset::new(&[recording], &Rig::parse("rig.toml", rig).unwrap()).unwrap();
         assert_eq!(first_speed(data.motion(), &data.stretches[0]), 0.0);
+    }
+
+    /// A mean of no command and the first one would start the motor too early, with another duty.
+    #[test]
+    fn a_first_command_that_is_late_is_cut_where_it_begins() {
+        let rows: String = (0..200).map(|row| format!("{},0.8,{}\n", f64::from(row) * 1e-3, row * row)).collect();
+        let recording = Recording::parse("run.csv", format!("t_s,duty,counts\n{rows}").as_bytes(), &[]).unwrap();
+        let rig =
+            "[supply]\nvoltage_V = 12\n[encoder]\ncounts_per_rev = 2000\n[recording]\ncommand_delay_s = 0.00037\n";
+        let rig = Rig::parse("rig.toml", rig).unwrap();
+        let data = Dataset::new(&[recording], &rig).unwrap();
+        let cutting = Cutting::of(&Model::linear(Prior::new(&rig.motor, &data).motor), &data, Steps::Fine);
+        let cut = Cut::new(&data, &data.stretches[0], cutting);
+        let late_s: f64 = cut.row(0).iter().filter(|piece| piece.duty == 0.0).map(|piece| piece.length_s).sum();
+        assert!((late_s - 0.00037).abs() < 1e-9, "{late_s}");
+        assert!(cut.row(0).iter().all(|piece| [0.0, 0.8].contains(&piece.duty)));
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 64, ..ProptestConfig::default() })]
+        /// No duty makes the current jump, whenever in a period of the PWM it is taken.
+        #[test]
+        fn the_current_is_continuous(
+            phase in 0.0_f64..1.0,
+            at_once: bool,
+            duties in proptest::collection::vec(-1.0_f64..1.0, 8),
+        ) {
+            let (interval_s, pwm_hz) = (1e-5, 3921.57);
+            let mut text = String::from("t_s,duty,omega_rad_per_s,i_A\n");
+            for row in 0..800_usize {
+                let _ = writeln!(text, "{:.5},{},{row},0.{}", row as f64 * interval_s, duties[row / 100], row % 7);
+            }
+            let recording = Recording::parse("run.csv", text.as_bytes(), &[]).unwrap();
+            let rig = format!("[supply]\nvoltage_V = 12\n[bridge]\npwm_Hz = {pwm_hz}\n[motor]\ninductance_H = 0.005\n");
+            let rig = Rig::parse("rig.toml", &rig).unwrap();
+            let latch = if at_once { Latch::AtOnce } else { Latch::WithPeriod };
+            let data = Dataset::new(&[recording], &rig).unwrap().with_pwm_phase(Some(phase)).with_latch(latch);
+            let model = Model::linear(Prior::new(&rig.motor, &data).motor);
+            let current_a = Replay::new(&data).drive(&model, Steps::Fine).current_a;
+            // The supply, what motion induces and what the resistance takes.
+            let most_a = 2.0 * 12.0 / 5e-3 * interval_s;
+            for pair in current_a.windows(2) {
+                prop_assert!((pair[1] - pair[0]).abs() < most_a, "{pair:?}");
+            }
+        }
     }
 
     proptest! {

@@ -281,7 +281,6 @@ impl<'a> Run<'a> {
             Input::Current(_) if data.axis.drive.is_voltage() => (piece.command, self.current_a),
             Input::Current(imposed_a) => (0.0, imposed_a),
         };
-        self.change_duty(voltage_v, piece.duty);
         let mut at = Instant {
             time_s: piece.time_s,
             voltage_v,
@@ -296,6 +295,9 @@ impl<'a> Run<'a> {
             turned_rad: piece.turned_rad,
             step_s: piece.length_s,
         };
+        if is_kept {
+            self.change_duty(&mut at);
+        }
         self.advance(&mut at, (input, piece.change), data.load_nm[index], is_kept)
     }
 
@@ -362,17 +364,22 @@ impl<'a> Run<'a> {
         if length_s > 0.0 { charge / length_s } else { self.current_a }
     }
 
-    /// A new duty begins with a new period. The current is continuous there, so its mean jumps by the difference of the
-    /// ripple. Between the two directions that is the whole ripple. It decays with the winding, as with a smaller
+    /// Where the duty changes, the current is continuous. So its mean jumps by the difference of the ripple. Between the two
+    /// directions, and at a start from rest, that is the whole ripple. It decays with the winding, as with a smaller
     /// inductance.
-    fn change_duty(&mut self, voltage_v: f64, duty: f64) {
-        let is_another = |before: &&Before| before.at.duty != duty && !before.at.open;
-        let Some(before) = self.before.as_ref().filter(is_another).copied() else { return };
-        let begun = self.begun_above_mean_a(&before.at, &before.terms());
-        let at = Instant { voltage_v, duty, ..before.at };
-        self.change_ripple(duty);
-        let terms = Balance { ripple: &self.driven.1, ..before.terms };
-        self.current_a += begun - self.begun_above_mean_a(&at, &terms);
+    fn change_duty(&mut self, at: &mut Instant) {
+        let takes_at = self.data.origin.takes_duty_at(at.time_s);
+        let starts_from_rest = self.cut.begins_with == (0.0, 0.0);
+        let (above_a, terms) = match self.before {
+            Some(before) if before.at.duty == at.duty || before.at.open => return,
+            Some(before) => (self.above_mean_a(&before.at, &before.terms(), takes_at), before.terms),
+            None if starts_from_rest => (0.0, Balance { ripple: &Ripple::NONE, ..Balance::default() }),
+            None => return,
+        };
+        self.change_ripple(at.duty);
+        let terms = Balance { ripple: &self.driven.1, ..terms };
+        self.current_a += above_a - self.above_mean_a(at, &terms, takes_at);
+        at.current_a = self.current_a;
     }
 
     /// The PWM with a duty, which is the same for many steps.
@@ -384,9 +391,9 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Current at the begin of a period, less its mean.
-    fn begun_above_mean_a(&self, at: &Instant, terms: &Balance) -> f64 {
-        self.course(at, terms).map_or(0.0, |(course, pulse)| course.above_mean_a(share_of_period(-pulse)))
+    /// Current at a share of a period, less its mean.
+    fn above_mean_a(&self, at: &Instant, terms: &Balance, share: f64) -> f64 {
+        self.course(at, terms).map_or(0.0, |(course, pulse)| course.above_mean_a(share_of_period(share - pulse)))
     }
 
     /// The current through a period from the begin of its pulse, and where that is in the period.

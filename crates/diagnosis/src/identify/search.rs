@@ -206,16 +206,20 @@ impl<'a> Search<'a> {
 
     /// By how much the step to the present point should have lowered the cost.
     fn promised(&self, sensitivities: &Sensitivities, before: &Point) -> f64 {
-        let moved = self.unknowns.iter().map(|unknown| unknown.get(&before.model) - unknown.get(&self.at.model));
-        let moved = DVector::from_iterator(self.unknowns.len(), moved);
+        let moved = self.moved(&self.at, before);
         let gradient = sensitivities.gradient(&before.model, &before.residual, &self.unknowns);
         2.0 * gradient.dot(&moved) - moved.dot(&(&sensitivities.normal * &moved))
     }
 
+    /// The way from one point to another.
+    fn moved(&self, from: &Point, to: &Point) -> DVector<f64> {
+        let moved = self.unknowns.iter().map(|unknown| unknown.get(&to.model) - unknown.get(&from.model));
+        DVector::from_iterator(self.unknowns.len(), moved)
+    }
+
     /// Corrects sensitivities by the change from one point to another.
     fn correct(&self, known: &mut Known, from: &Point, to: &Point) {
-        let moved = self.unknowns.iter().map(|unknown| unknown.get(&to.model) - unknown.get(&from.model));
-        let moved = DVector::from_iterator(self.unknowns.len(), moved);
+        let moved = self.moved(from, to);
         let changed: Vec<f64> = to.residual.iter().zip(&from.residual).map(|(to, from)| to - from).collect();
         let besides = self.scale.map(|scale| scale.direction(&from.model, &self.unknowns));
         known.sensitivities.correct(&moved, &changed, besides.as_ref());

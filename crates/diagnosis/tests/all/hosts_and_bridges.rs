@@ -129,13 +129,17 @@ fn diagnosed(text: &str, window_s: Option<f64>, encoder: &str) -> Outcome {
 
 fn diagnosed_at(pwm_hz: f64, text: &str, window_s: Option<f64>, encoder: &str) -> Outcome {
     let window = window_s.map_or_else(String::new, |window_s| format!("speed_window_s = {window_s}\n"));
-    let rig = format!(
-        "[supply]\nvoltage_V = {SUPPLY_V}\n[bridge]\npwm_Hz = {pwm_hz}\n[motor]\nresistance_ohm = 9.2\ninductance_H = 0.00425\ntorque_constant_Nm_per_A = 0.0405\ninertia_kg_m2 = 2.3e-5\n{encoder}[recording]\ncommand_delay_s = 0\ncurrent_window_s = 0.001\n{window}"
-    );
+    let rig = rig(pwm_hz, &format!("{encoder}[recording]\ncommand_delay_s = 0\ncurrent_window_s = 0.001\n{window}"));
     let recording = Recording::parse("run.csv", text.as_bytes(), &[]).expect("it is well-formed");
-    diagnose(&[recording], &Rig::parse("rig.toml", &rig).expect("it is well-formed"), &|_| ())
-        .expect("it can be used")
-        .outcome
+    diagnose(&[recording], &rig, &|_| ()).expect("it can be used").outcome
+}
+
+/// A rig file whose motor is some way off, with further tables.
+fn rig(pwm_hz: f64, further: &str) -> Rig {
+    let text = format!(
+        "[supply]\nvoltage_V = {SUPPLY_V}\n[bridge]\npwm_Hz = {pwm_hz}\n[motor]\nresistance_ohm = 9.2\ninductance_H = 0.00425\ntorque_constant_Nm_per_A = 0.0405\ninertia_kg_m2 = 2.3e-5\n{further}"
+    );
+    Rig::parse("rig.toml", &text).expect("it is well-formed")
 }
 
 /// Duty, speed and mean current of a bench at 1 kHz, with noise of these sizes. `acts` as in [`course`].
@@ -404,19 +408,17 @@ fn a_capacitor_at_the_sensor_and_a_wait_are_no_inductance() {
         let _ = writeln!(text, "{time_s:.3},{:.5},{speed:.4},{current:.5}", command(time_s));
         bench.run(command(time_s), 1e-3);
     }
-    let rig = format!(
-        "[supply]\nvoltage_V = {SUPPLY_V}\n[bridge]\npwm_Hz = {PWM_HZ}\n[motor]\nresistance_ohm = 9.2\ninductance_H = 0.00425\ntorque_constant_Nm_per_A = 0.0405\ninertia_kg_m2 = 2.3e-5\n[recording]\ncommand_delay_s = 0\nspeed_window_s = 0\n"
-    );
+    let rig = rig(PWM_HZ, "[recording]\ncommand_delay_s = 0\nspeed_window_s = 0\n");
     let recording = Recording::parse("run.csv", text.as_bytes(), &[]).unwrap();
-    let found = diagnose(&[recording], &Rig::parse("rig.toml", &rig).unwrap(), &|_| ()).unwrap();
+    let found = diagnose(&[recording], &rig, &|_| ()).unwrap();
     let outcome = &found.outcome;
     assert_eq!(names(outcome), ["coulomb_friction"], "{case}: {outcome:?}");
-    let found_s = found.data.origin.current_filter_s;
-    assert!((found_s / filter_s - 1.0).abs() < 0.15, "{case}: {found_s} s");
+    // As the bench steps, its low-pass is slower by half a step.
+    let found_s = found.data.origin.current_filter_s - 0.5 * STEP_S;
+    assert!((found_s / filter_s - 1.0).abs() < 0.1, "{case}: {found_s} s");
     for (name, truth) in [("resistance_ohm", RESISTANCE_OHM), ("inductance_H", INDUCTANCE_H)] {
         let value = outcome.parameters[name].value;
-        // A duty that is taken within a period begins a pulse of another length there, which is not simulated.
-        assert!((value / truth - 1.0).abs() < 0.05, "{case}: {name} {value} for {truth}");
+        assert!((value / truth - 1.0).abs() < 0.03, "{case}: {name} {value} for {truth}");
     }
 }
 
