@@ -368,13 +368,15 @@ impl<'a> Run<'a> {
     /// directions, and at a start from rest, that is the whole ripple. It decays with the winding, as with a smaller
     /// inductance.
     fn change_duty(&mut self, at: &mut Instant) {
-        let takes_at = self.data.origin.takes_duty_at(at.time_s);
-        let starts_from_rest = self.cut.begins_with == (0.0, 0.0);
-        let (above_a, terms) = match self.before {
+        let before = match &self.before {
             Some(before) if before.at.duty == at.duty || before.at.open => return,
+            None if self.cut.begins_with != (0.0, 0.0) => return,
+            before => *before,
+        };
+        let takes_at = self.data.origin.takes_duty_at(at.time_s);
+        let (above_a, terms) = match before {
             Some(before) => (self.above_mean_a(&before.at, &before.terms(), takes_at), before.terms),
-            None if starts_from_rest => (0.0, Balance { ripple: &Ripple::NONE, ..Balance::default() }),
-            None => return,
+            None => (0.0, Balance { ripple: &Ripple::NONE, ..Balance::default() }),
         };
         self.change_ripple(at.duty);
         let terms = Balance { ripple: &self.driven.1, ..terms };
