@@ -166,6 +166,10 @@ impl<L: Line> Session<L> {
         })
     }
 
+    fn ticks(&self, time_s: f64) -> u32 {
+        (time_s * f64::from(self.settings.get(Param::TickRate))) as u32
+    }
+
     /// The loop that is tuned.
     pub fn tuned(&self) -> TunedLoop {
         LOOPS[self.loop_index]
@@ -196,10 +200,9 @@ impl<L: Line> Session<L> {
         }
         self.keep(&came);
         self.traces.extend(came);
-        let rate_hz = f64::from(self.settings.get(Param::TickRate));
-        let kept = (SHOWN_S * rate_hz) as usize;
+        let kept = self.ticks(SHOWN_S) as usize;
         self.traces.drain(..self.traces.len().saturating_sub(kept));
-        if self.step.as_ref().is_some_and(|step| step.len() as f64 > STEP_S * rate_hz) {
+        if self.step.as_ref().is_some_and(|step| self.course(step).len() < self.since_change(step).len()) {
             self.finish_step()?;
         }
         if self.armed && self.way_back == ReturnToRest::Begun && self.is_at_rest() {
@@ -211,7 +214,7 @@ impl<L: Line> Session<L> {
 
     /// Whether the motor has been at rest.
     fn is_at_rest(&self) -> bool {
-        let ticks = (AT_REST_S * f64::from(self.settings.get(Param::TickRate))) as usize;
+        let ticks = self.ticks(AT_REST_S) as usize;
         let Some(last) = self.traces.back().filter(|_| self.traces.len() > ticks) else { return false };
         f64::from(last.speed).abs() < AT_REST_SHARE * f64::from(FULL_RANGE)
             && self.traces.iter().rev().take(ticks).all(|sample| sample.counts == last.counts)
@@ -274,7 +277,7 @@ impl<L: Line> Session<L> {
             if self.step_tests.len() == tests {
                 return Err(Ended::Refused(self.message.clone()));
             }
-            let rest = self.tick() + (STEP_S * f64::from(self.settings.get(Param::TickRate))) as u32;
+            let rest = self.tick() + self.ticks(STEP_S);
             self.wait(stop, |session| session.tick() >= rest)?;
         }
         // Takes new samples and keeps the board alive.
@@ -446,14 +449,27 @@ impl<L: Line> Session<L> {
         )
     }
 
+    /// The samples of a step test from the change of the reference on: the board takes it a little after it was sent.
+    fn since_change<'a>(&self, step: &'a [Sample]) -> &'a [Sample] {
+        let reference = |sample: &Sample| self.point(sample).reference;
+        let begun = step.iter().position(|sample| reference(sample) != reference(&step[0])).unwrap_or(0);
+        &step[begun..]
+    }
+
+    /// Those of them that the figures are of: the same time in each test, however many samples came at once.
+    fn course<'a>(&self, step: &'a [Sample]) -> &'a [Sample] {
+        let since = self.since_change(step);
+        let end = since.partition_point(|sample| sample.tick.wrapping_sub(since[0].tick) < self.ticks(STEP_S));
+        &since[..end]
+    }
+
     fn finish_step(&mut self) -> Result<(), BoardError> {
         let samples = self.step.take().unwrap_or_default();
-        let points: Vec<Point> = samples.iter().map(|sample| self.point(sample)).collect();
-        // The board takes a reference a little after it was sent.
-        let begun = points.iter().position(|point| point.reference != points[0].reference).unwrap_or(0);
-        let figures = step_figures(&points[begun..], |point| point.measured_rad_per_s, self.reference);
+        let course = self.course(&samples);
+        let points: Vec<Point> = course.iter().map(|sample| self.point(sample)).collect();
+        let figures = step_figures(&points, |point| point.measured_rad_per_s, self.reference);
         let TunedLoop { mode, gains } = self.tuned();
-        let missing_ticks = missing_ticks(&samples[begun..]);
+        let missing_ticks = missing_ticks(course);
         if (figures.to - figures.from).abs() < speed_bit_rad_per_s(&self.settings) {
             self.message = self.no_step();
         } else {

@@ -99,7 +99,8 @@ fn a_tuning_session_without_a_person() {
     }
     // Both begin at rest with an integral of zero: the rise from 10 % hangs on it, the way to there on the gain.
     let errors = [0, 1].map(|test: usize| tests[test]["tracking_rms"].as_f64().unwrap());
-    assert!(errors[1] < errors[0], "more gain follows closer: {account}");
+    // By 1.1 %: less than a test that lasts 20 ms longer would change.
+    assert!(errors[1] < 0.995 * errors[0], "more gain follows closer: {account}");
 
     let (done, account) = session(&board, "a s + s");
     assert_eq!((done.status.code(), account["step_tests"].as_array().unwrap().len()), (Some(1), 1), "{account}");
