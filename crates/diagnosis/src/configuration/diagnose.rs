@@ -53,8 +53,11 @@ pub(crate) mod command_times {
     pub const LEAST_CHANGE: f64 = 0.002;
     /// The response to a change is evaluated for this long.
     pub const ANSWER_S: f64 = 0.1;
-    /// Times and model are estimated in turn, this often.
-    pub const ROUNDS: usize = 5;
+    /// Times and model are estimated in turn: this often the times of all changes at once, which is enough for great
+    /// steps...
+    pub const ROUNDS_TOGETHER: usize = 2;
+    /// ... and this often those of every second one, so that each gets two such rounds.
+    pub const ROUNDS_APART: usize = 4;
     /// Shift for the numerical derivative, as a share of the row.
     pub const SHIFT: f64 = 0.1;
     /// Where more than noise remains, the estimated times have to lower the cost to this share...
