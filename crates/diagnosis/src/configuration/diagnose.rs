@@ -249,6 +249,8 @@ pub(crate) mod pwm_phase {
     pub const HALVINGS: i32 = 4;
     /// The low-pass in front of a conversion that is tried first, in periods.
     pub const FIRST_FILTER: f64 = 0.1;
+    /// The time of a mean of currents is sought from these on, in periods. A mean over a whole one has no ripple.
+    pub const FIRST_WINDOWS: [f64; 2] = [0.2, 0.5];
     /// So many ripples of different frequencies are compared: rows in step see several as the same one.
     pub const RIPPLES: usize = 3;
     /// A phase shows in any part of a recording in which the command changes; this much suffices.
@@ -363,6 +365,9 @@ pub(crate) mod select_backward {
     /// Evidence names an effect that explains at least this share of the remaining error: a smaller one may be what another law
     /// leaves out.
     pub const MATTERS_SHARE: f64 = 0.1;
+    /// A usual effect also matters if resistance, torque constant or inertia are off by a twentieth without it. Recordings
+    /// determine them to some percent.
+    pub const MOVES_A_CONSTANT: f64 = 0.05;
     /// Held-out data confirm what the seen data show with very strong evidence from this significance on: once in forty times by
     /// chance.
     pub const CONFIRMED_SIGMAS: f64 = 2.0;

@@ -49,6 +49,16 @@ impl Dataset {
         self
     }
 
+    /// The same with each current a mean over a time that is longer by so much. Each reading keeps its mean delay.
+    pub fn with_current_averaged(mut self, longer_s: f64) -> Self {
+        let origin = &mut self.origin;
+        let window_s = (origin.current_window_s + longer_s).max(0.0);
+        let later = 0.5 * origin.pwm_hz * (window_s - origin.current_window_s);
+        origin.current_window_s = window_s;
+        origin.pwm_phase = origin.pwm_phase.map(|phase| (phase + later).rem_euclid(1.0));
+        self
+    }
+
     /// The same with a timer that takes a new duty at another time.
     pub fn with_latch(&self, latch: Latch) -> Self {
         let mut other = self.clone();

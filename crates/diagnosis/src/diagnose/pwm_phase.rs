@@ -6,7 +6,7 @@ use super::judge::{NOT_NOISE, VERY_STRONG_NATS, above_floor, evidence_nats};
 use super::pwm_frequency::with_usual_bridges;
 use super::pwm_ripple::ripples;
 use crate::configuration::diagnose::pwm_phase::{
-    EXCERPT_S, FIRST_FILTER, FITTED, HALVINGS, PHASES, PHASES_OF_SLOW, RIPPLE_TELLS, RIPPLES,
+    EXCERPT_S, FIRST_FILTER, FIRST_WINDOWS, FITTED, HALVINGS, PHASES, PHASES_OF_SLOW, RIPPLE_TELLS, RIPPLES,
 };
 use crate::dataset::{Dataset, Latch};
 use crate::identify::{Effort, Fit, Item, Prior, fit, fit_with_items};
@@ -61,18 +61,23 @@ fn in_step(data: &Dataset, prior: &Prior, model: &Model) -> (Fit, Dataset) {
         let other = data.with_latch(*latch);
         let found = fit(model, &other, prior, Effort::TRIAL);
         let (other, found) = polished(&other, prior, found);
-        (found, other)
+        // As an instant, a mean over a part of a period may agree best with another timer.
+        match over_a_window(&other, prior, &found) {
+            Some((other, averaged)) => (averaged, other),
+            None => (found, other),
+        }
     });
     fitted.min_by(|a, b| a.0.cost.total_cmp(&b.0.cost)).expect("one way at least")
 }
 
-/// The data of a PWM that is averaged with a low-pass in front of the conversion, if there is very strong evidence for one,
-/// and with the duty taken as fits better, and the fit.
+/// The data with what lies between the current and its reading, if there is very strong evidence for it, and the fit: a mean
+/// over a part of the period of a PWM whose edges are simulated; a low-pass in front of the conversion where the PWM is
+/// averaged, and then the duty is taken as fits better.
 fn as_read(data: Dataset, prior: &Prior, found: Fit) -> (Dataset, Fit) {
-    let mut best = (data, found);
-    if best.0.is_switched() {
-        return best;
+    if data.is_switched() {
+        return over_a_window(&data, prior, &found).unwrap_or((data, found));
     }
+    let mut best = (data, found);
     if best.0.origin.current_filter_s == 0.0 {
         let filtered = best.0.clone().with_current_filtered(FIRST_FILTER / best.0.origin.pwm_hz);
         let found = fit(&best.1.model, &filtered, prior, Effort::TRIAL);
@@ -85,6 +90,23 @@ fn as_read(data: Dataset, prior: &Prior, found: Fit) -> (Dataset, Fit) {
         Some((other, found)) if found.cost < best.1.cost => (other, found),
         _ => best,
     }
+}
+
+/// The data with each current a mean over a part of the period, if that is not known and has very strong evidence.
+fn over_a_window(data: &Dataset, prior: &Prior, found: &Fit) -> Option<(Dataset, Fit)> {
+    if data.origin.current_window_s > 0.0 || !data.is_switched() || !data.reads_instants() {
+        return None;
+    }
+    let averaged = FIRST_WINDOWS.into_par_iter().map(|periods| {
+        let other = data.clone().with_current_averaged(periods / data.origin.pwm_hz);
+        let found = fit(&found.model, &other, prior, Effort::NONE);
+        (other, found)
+    });
+    // Currents that are read at one instant agree less with any of them.
+    let first = averaged.min_by(|a, b| a.1.cost.total_cmp(&b.1.cost)).filter(|(_, first)| first.cost < found.cost);
+    let (other, first) = first?;
+    let (other, averaged) = polished(&other, prior, fit(&first.model, &other, prior, Effort::TRIAL));
+    (evidence_nats(data, found, &averaged) > least_nats(data)).then_some((other, averaged))
 }
 
 /// The data of a PWM that is averaged, with the duty taken at the best other time, and the fit.
@@ -103,15 +125,17 @@ fn taken_otherwise(data: &Dataset, prior: &Prior, found: &Fit) -> Option<(Datase
 }
 
 /// The data with the phase and the frequency nearby with which a model fits best, and its fit. A low-pass in front of the
-/// conversion is found with them, if there is one.
+/// conversion, or the time of a mean, is found with them, if there is one.
 fn polished(data: &Dataset, prior: &Prior, found: Fit) -> (Dataset, Fit) {
-    let moved: [Item; 3] = [
-        |data, periods| data.with_pwm_moved(periods, 0.0),
-        |data, turns| data.with_pwm_moved(0.0, turns),
-        |data, periods| data.clone().with_current_filtered(periods / data.origin.pwm_hz),
-    ];
-    let is_filtered = data.origin.current_filter_s > 0.0;
-    fit_with_items(data, prior, found, if is_filtered { &moved } else { &moved[..2] })
+    let mut items: Vec<Item> =
+        vec![|data, periods| data.with_pwm_moved(periods, 0.0), |data, turns| data.with_pwm_moved(0.0, turns)];
+    if data.origin.current_filter_s > 0.0 {
+        items.push(|data, periods| data.clone().with_current_filtered(periods / data.origin.pwm_hz));
+    }
+    if data.origin.current_window_s > 0.0 && data.reads_instants() {
+        items.push(|data, periods| data.clone().with_current_averaged(periods / data.origin.pwm_hz));
+    }
+    fit_with_items(data, prior, found, &items)
 }
 
 /// The phase of a slow PWM with very strong evidence.

@@ -150,8 +150,8 @@ impl Chooser<'_> {
         Selection { base: base.clone(), steps, widest, last, standings }
     }
 
-    /// With a refined law of an effect where that has very strong evidence, and with what shows only beside it. A law that
-    /// only takes the place of another effect is none.
+    /// With a refined law of an effect where that has very strong evidence, and with what shows only beside it. Beside that
+    /// law an effect that stood by the usual one may be nothing: then the law has to explain more than both.
     fn refined(&self, found: Fit, steps: Vec<Step>) -> Way {
         if !laws::may_be_refined(&found, self.data) {
             return (found, steps);
@@ -162,10 +162,10 @@ impl Chooser<'_> {
         let Some(best) = refined.min_by(|a, b| a.cost.total_cmp(&b.cost)) else { return (found, steps) };
         (self.progress)("beside another law");
         let (wider, added) = self.forward(best, Vec::new(), Lead::Evidence);
-        // The looks of a way do not come to the end, and every effect has to stand.
-        let wider = self.to_the_end(wider);
+        // The looks of a way do not come to the end.
+        let (wider, _) = self.pruned(self.to_the_end(wider));
         let least = VERY_STRONG_NATS + added.len() as f64 * (CATALOGUE.len() as f64).ln();
-        match evidence_nats(self.data, &found, &wider) > least && self.all_stand(&wider) {
+        match evidence_nats(self.data, &found, &wider) > least {
             true => (wider, [steps, added].concat()),
             false => (found, steps),
         }

@@ -22,6 +22,7 @@ fn averaged_hz(data: &Dataset) -> f64 {
 /// The current in a step that has passed.
 struct Passed {
     length_s: f64,
+    begin_a: f64,
     mean_a: f64,
     end_a: f64,
 }
@@ -336,7 +337,8 @@ impl<'a> Run<'a> {
             self.before = Some(Before { at: *at, terms: without, ripple: *ripple });
         }
         if self.stepper.switched.is_some() {
-            self.lately.push_back(Passed { length_s: at.step_s, mean_a: reached.mean_a, end_a: reached.current_a });
+            let Reached { mean_a, current_a: end_a, .. } = reached;
+            self.lately.push_back(Passed { length_s: at.step_s, begin_a: first_a, mean_a, end_a });
         }
         reached.mean_a
     }
@@ -350,11 +352,13 @@ impl<'a> Run<'a> {
         }
         let (mut charge, mut length_s) = (0.0, 0.0);
         let mut needed = 0;
-        for Passed { length_s: of_step_s, mean_a, end_a } in self.lately.iter().rev() {
-            let part_s = of_step_s.min(window_s - length_s);
-            // Within a step it changes nearly in a straight line, around its mean.
-            charge += part_s * (mean_a + (1.0 - part_s / of_step_s) * (end_a - mean_a));
-            length_s += part_s;
+        let winding_s = TimeConstants::of(&self.model.motor).electromagnetic_s;
+        for Passed { length_s: of_step_s, begin_a, mean_a, end_a } in self.lately.iter().rev() {
+            let share = ((window_s - length_s) / of_step_s).min(1.0);
+            let even_a = end_a - 0.5 * share * (end_a - begin_a);
+            let bulge = Bulge::new(mean_a - 0.5 * (begin_a + end_a), *of_step_s, winding_s);
+            charge += of_step_s * (share * even_a + bulge.in_the_last(share));
+            length_s += share * of_step_s;
             needed += 1;
             if length_s >= window_s - SAME_LENGTH_S {
                 break;

@@ -21,12 +21,16 @@ const PWM_HZ: f64 = 3921.57;
 /// Of a timer without a prescaler.
 const FAST_PWM_HZ: f64 = 31372.55;
 const STEP_S: f64 = 2.5e-6;
+/// Saturation current of the junctions of a power transistor.
+const SATURATION_A: f64 = 1e-9;
 
 /// A motor with Coulomb friction behind a bridge with brushes of a constant drop in the pulse and in the off phase.
 struct Bench {
     drops_v: [f64; 2],
     /// What the bridge has of the resistance in the off phase alone.
     off_phase_ohm: f64,
+    /// By how much all junctions together drop more for e times the current.
+    junctions_v: f64,
     pwm_hz: f64,
     /// The duty in this period, if a new one waits for the next period.
     latched: Option<f64>,
@@ -44,6 +48,7 @@ impl Bench {
         Self {
             drops_v,
             off_phase_ohm: 0.0,
+            junctions_v: 0.0,
             pwm_hz,
             latched: None,
             filter_s: 0.0,
@@ -71,6 +76,7 @@ impl Bench {
             let on = ((pulse - phase).clamp(0.0, share) + (phase + share - 1.0).clamp(0.0, pulse)) / share;
             let source_v = on * duty.signum() * SUPPLY_V;
             let drop_v = self.drops_v[1] + on * (self.drops_v[0] - self.drops_v[1]);
+            let drop_v = drop_v + self.junctions_v * (self.current_a / SATURATION_A).abs().ln_1p();
             let bridge_ohm = (1.0 - on) * self.off_phase_ohm;
             let driving_v =
                 source_v - (RESISTANCE_OHM + bridge_ohm) * self.current_a - TORQUE_CONSTANT * self.speed_rad_per_s;
@@ -437,4 +443,21 @@ fn a_slope_of_the_off_phase_alone_is_the_bridges() {
     let drop = found.causes.iter().find(|cause| cause.effect == "voltage_drop").expect("it was named");
     let ohm = drop.parameters["off_phase_ohm"].value;
     assert!((ohm - more_ohm).abs() < 0.3, "seed {seed}: {ohm} for {more_ohm}");
+}
+
+/// A Darlington bridge drops 1 V at 5 mA, mostly in its junctions, and less in the off phase.
+#[test]
+fn junctions_are_the_bridges_and_no_resistance_grows() {
+    let seed = fresh_seed();
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let mut bench = Bench::new([0.3, 0.0], PWM_HZ);
+    bench.off_phase_ohm = random.random_range(0.4..0.8);
+    bench.junctions_v = random.random_range(0.06..0.1);
+    let case = format!("seed {seed}, {} ohm, {} V", bench.off_phase_ohm, bench.junctions_v);
+    let text = table(bench, command, [0.1, 0.005], &mut random);
+    let found = diagnosed(&text, Some(0.0), "");
+    assert_eq!(names(&found), ["coulomb_friction", "voltage_drop"], "{case}: {found:?}");
+    for (name, truth) in [("resistance_ohm", RESISTANCE_OHM), ("torque_constant_Nm_per_A", TORQUE_CONSTANT)] {
+        assert!(contains(&found, name, truth), "{case}: {found:?}");
+    }
 }

@@ -8,6 +8,7 @@ use motorbench_diagnosis::diagnose::diagnose;
 use motorbench_diagnosis::diagnose::outcome::{Cause, Outcome, Verdict};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use std::collections::VecDeque;
 use std::f64::consts::TAU;
 use std::fmt::Write as _;
 
@@ -51,6 +52,9 @@ struct Bench {
     pwm_hz: f64,
     /// Share of a period that has passed at time 0.
     phase: f64,
+    /// Over which a program averages its readings.
+    window_s: f64,
+    lately_a: VecDeque<f64>,
     time_s: f64,
     current_a: f64,
     speed_rad_per_s: f64,
@@ -75,6 +79,15 @@ impl Bench {
             self.speed_rad_per_s = less(free, STEP_S * FRICTION_NM / INERTIA_KG_M2);
             self.angle_rad += STEP_S * self.speed_rad_per_s;
             self.time_s += STEP_S;
+            self.lately_a.push_back(self.current_a);
+            self.lately_a.drain(..self.lately_a.len().saturating_sub((self.window_s / STEP_S) as usize));
+        }
+    }
+
+    fn reading_a(&self) -> f64 {
+        match self.lately_a.len() {
+            0 => self.current_a,
+            count => self.lately_a.iter().sum::<f64>() / count as f64,
         }
     }
 
@@ -106,14 +119,14 @@ fn command(time_s: f64) -> f64 {
 }
 
 impl Bench {
-    /// 12 s in rows of 10.1 ms, with the current of the moment.
+    /// 12 s in rows of 10.1 ms.
     fn table(self, between: Between) -> String {
         let mut bench = self;
         let mut text = String::from("t_s,duty,counts,i_A\n");
         for row in 0..1190 {
             let time_s = f64::from(row) * 0.0101;
             let counts = (bench.angle_rad / TAU * COUNTS_PER_REV).floor();
-            let current = (bench.current_a / STEP_A).round() * STEP_A;
+            let current = (bench.reading_a() / STEP_A).round() * STEP_A;
             let _ = writeln!(text, "{time_s:.5},{},{counts},{current:.4}", command(time_s));
             bench.run(between, command(time_s), 0.0101);
         }
@@ -152,19 +165,26 @@ fn assert_drop_told(case: &str, found: &Outcome) {
 
 /// The clock of the board is off by up to half a percent, and the recording begins anywhere in a period.
 fn assert_told(timer: Timer, between: Between, bridge: &str) {
+    assert_told_of_means(timer, between, bridge, 0.0);
+}
+
+/// The same where each current is a mean over some conversions that take so long, between a third of it and all of it.
+fn assert_told_of_means(timer: Timer, between: Between, bridge: &str, longest_s: f64) {
     let seed = fresh_seed();
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let bench = Bench {
         timer,
         pwm_hz: 490.196 * random.random_range(0.995..1.005),
         phase: random.random(),
+        window_s: longest_s * random.random_range(0.33..1.0),
+        lately_a: VecDeque::new(),
         duty: 0.0,
         time_s: 0.0,
         current_a: 0.0,
         speed_rad_per_s: 0.0,
         angle_rad: 0.0,
     };
-    let case = format!("seed {seed}, {:.3} Hz", bench.pwm_hz);
+    let case = format!("seed {seed}, {:.3} Hz, mean over {:.5} s", bench.pwm_hz, bench.window_s);
     let hz = bench.pwm_hz;
     let found = diagnosed(&bench.table(between), bridge);
     assert_near(
@@ -205,4 +225,10 @@ fn pulses_in_the_middle_of_their_period() {
 #[test]
 fn pulses_in_the_middle_of_their_period_where_the_off_phase_coasts() {
     assert_told(Timer::PhaseCorrect, Between::Coasts, COASTS);
+}
+
+/// Several conversions of 112 us each, over a part of a period.
+#[test]
+fn a_current_that_is_a_mean_over_a_part_of_a_period() {
+    assert_told_of_means(Timer::PhaseCorrect, Between::Brakes, "", 1.2e-3);
 }

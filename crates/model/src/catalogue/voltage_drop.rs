@@ -3,7 +3,8 @@
 //! In a switched bridge the drop acts at every moment. A current that swings through zero within a PWM period loses it in both
 //! directions. Behind a filter, in a linear amplifier or in a program's averages, the drop follows the mean current and comes
 //! up over a knee. In the off phase a bridge may drop more than in the pulse, or less, and have another slope. A current that
-//! flows back into the supply takes its diodes, with a drop of their own.
+//! flows back into the supply takes its diodes, with a drop of their own. Junctions drop more with the logarithm of their
+//! current: that is steep where the current is small.
 
 use super::{
     About, ActsOn, Balance, Channels, Coordinate, DryLosses, Instant, Law, Parameter, Scales, Search, Shown, Strength,
@@ -29,9 +30,16 @@ const MOST_RETURN_V: f64 = 6.0;
 /// A saturated transistor of such bridges adds about half an ohm, a diode a tenth (ST L293D and L298 data sheets).
 const OFF_PHASE_SPREAD_OHM: f64 = 0.5;
 const MOST_OFF_PHASE_OHM: f64 = 1.5;
-/// Starts: how much more the off phase drops, as a share of the drop, how many ohms it adds, and how much more is lost on the
-/// way back. One is so small that the other constants still fit, the other is that of a Darlington bridge.
-const OTHER_PATHS: [[f64; 3]; 2] = [[-0.01, 0.01, -0.01], [-0.2, 0.5, -0.1]];
+/// The junctions on the way of the current: kT/q for each of three, from one to five (Sze, Physics of Semiconductor Devices).
+const JUNCTIONS_V: (f64, f64) = (0.078, 0.026);
+const MOST_JUNCTIONS_V: f64 = 0.2;
+/// Below this current a junction is taken as straight: little else flows there, and a sensor hardly shows it.
+const STRAIGHT_A: f64 = 0.02;
+/// Starts: how much more the off phase drops, as a share of the drop, how many ohms it adds, how much more is lost on the way
+/// back, as a share of the drop, and the junctions. One is so small that the other constants still fit, the others are those
+/// of a bipolar bridge.
+const OTHER_PATHS: [[f64; 4]; 3] =
+    [[-0.01, 0.01, -0.01, 0.0], [-0.2, 0.5, -0.1, 0.0], [-0.2, 0.5, -0.1, JUNCTIONS_V.0]];
 
 /// See the module.
 pub struct VoltageDrop;
@@ -58,6 +66,10 @@ static ABOUT: About = About {
             min: -MOST_RETURN_V,
             ..Parameter::of_another_law("return_V", Unit::Volt, MOST_RETURN_V)
         },
+        Parameter {
+            known: Some(JUNCTIONS_V),
+            ..Parameter::of_another_law("junctions_V", Unit::Volt, MOST_JUNCTIONS_V)
+        },
     ],
     linear_in: 1,
     law: "U = drop_V sign(i), or drop_V tanh(i / knee_A) of the mean current",
@@ -81,19 +93,20 @@ impl Law for VoltageDrop {
 
     /// Three drops, one on each way of the current, can leave any multiple of the supply.
     fn with_scaled_voltages(&self, values: &[f64], supply_v: f64, factor: f64) -> Option<Vec<f64>> {
-        let &[pulse_v, knee_a, off_excess_v, off_ohm, return_excess_v] = values else { return None };
+        let &[pulse_v, knee_a, off_excess_v, off_ohm, return_excess_v, junctions_v] = values else { return None };
         if knee_a != 0.0 || off_excess_v == 0.0 || return_excess_v == 0.0 {
             return None;
         }
         let scaled_v = supply_v - factor * (supply_v - pulse_v);
         let off_v = factor * (pulse_v + off_excess_v);
         let return_v = factor * (supply_v + pulse_v + return_excess_v) - supply_v;
-        Some(vec![scaled_v, 0.0, off_v - scaled_v, factor * off_ohm, return_v - scaled_v])
+        let off_ohm = factor * off_ohm;
+        Some(vec![scaled_v, 0.0, off_v - scaled_v, off_ohm, return_v - scaled_v, factor * junctions_v])
     }
 
     /// A drop that follows the mean current is not that of a switched bridge.
     fn is_dry_losses_alone(&self, values: &[f64]) -> bool {
-        values[1..] == [0.0; 4]
+        values[1..] == [0.0; 5]
     }
 
     fn contribute(
@@ -105,6 +118,9 @@ impl Law for VoltageDrop {
         balance: &mut Balance,
     ) {
         balance.dry_drop_v += values[0];
+        if values[5] != 0.0 {
+            balance.dry_drop_v += values[5] * (at.current_a / STRAIGHT_A).abs().ln_1p();
+        }
         balance.knee_a = balance.knee_a.max(values[1]);
         balance.off_excess_v += values[2];
         balance.return_excess_v += values[4];
@@ -125,7 +141,7 @@ impl Search for VoltageDrop {
     /// A friction takes the voltage that its torque needs.
     fn takes_over(&self, rival: &str, values: &[f64], Scales { motor, .. }: &Scales) -> Option<Vec<f64>> {
         let drop_v = values[0] * motor.resistance_ohm / motor.torque_constant_nm_per_a;
-        (rival == "coulomb_friction").then(|| vec![drop_v, 0.0, 0.0, 0.0, 0.0])
+        (rival == "coulomb_friction").then(|| vec![drop_v, 0.0, 0.0, 0.0, 0.0, 0.0])
     }
 
     /// Every motor has friction, and not every command goes through a bridge.
@@ -142,10 +158,10 @@ impl Search for VoltageDrop {
 
     /// A drop at every moment, another one with another slope in the off phase, and another one on the way back.
     fn refined_laws(&self, values: &[f64], _scales: &Scales) -> Vec<Vec<f64>> {
-        let with = |[off_share, off_ohm, return_share]: [f64; 3]| {
-            vec![values[0], 0.0, off_share * values[0], off_ohm, return_share * values[0]]
+        let with = |[off_share, off_ohm, return_share, junctions_v]: [f64; 4]| {
+            vec![values[0], 0.0, off_share * values[0], off_ohm, return_share * values[0], junctions_v]
         };
-        match values[1..] == [0.0; 4] {
+        match values[1..] == [0.0; 5] {
             true => OTHER_PATHS.map(with).to_vec(),
             false => Vec::new(),
         }
@@ -158,5 +174,5 @@ impl Search for VoltageDrop {
 }
 
 fn laws(drop_v: f64, scales: &Scales) -> Vec<Vec<f64>> {
-    KNEES.map(|share| vec![drop_v, share * scales.current_a, 0.0, 0.0, 0.0]).to_vec()
+    KNEES.map(|share| vec![drop_v, share * scales.current_a, 0.0, 0.0, 0.0, 0.0]).to_vec()
 }

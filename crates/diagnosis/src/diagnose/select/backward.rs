@@ -1,18 +1,18 @@
 //! Backward: drops effects without evidence, and replaces an effect by a better rival.
 
 use super::{
-    Chooser, Gain, LEAST_SHARE, MOST_EFFECTS, NEAR, SAME_SHARE, SAME_SIGMAS, Standing, has_evidence, is_same,
-    is_very_strong,
+    Chooser, Gain, LEAST_SHARE, MOST_EFFECTS, NEAR, SAME_SHARE, SAME_SIGMAS, Standing, gain_over, has_evidence,
+    is_same, is_very_strong,
 };
 pub(in crate::diagnose) use crate::configuration::diagnose::select_backward::NAMED_SIGMAS;
 use crate::configuration::diagnose::select_backward::{
-    ALONE_SIGMAS, CONFIRMED_SIGMAS, GAINED_BY_ANY, IMPLAUSIBLE_SQUARES, LEFT_BY_ANY, MATTERS_SHARE, OTHER_LAW_SIGMAS,
-    OTHER_NUMBERS, RIVAL_SHARE, RIVALS, SPOILT,
+    ALONE_SIGMAS, CONFIRMED_SIGMAS, GAINED_BY_ANY, IMPLAUSIBLE_SQUARES, LEFT_BY_ANY, MATTERS_SHARE, MOVES_A_CONSTANT,
+    OTHER_LAW_SIGMAS, OTHER_NUMBERS, RIVAL_SHARE, RIVALS, SPOILT,
 };
-use crate::dataset::Measured;
+use crate::dataset::{Dataset, Measured};
 use crate::diagnose::data_sheet::squared_deviations;
 use crate::diagnose::judge::{NOT_NOISE, VERY_STRONG_NATS, evidence_nats};
-use crate::identify::{Effort, Fit, scales};
+use crate::identify::{Effort, Fit, fit, scales};
 use maybe_rayon::prelude::*;
 use motorbench_model::catalogue::{Alone, CATALOGUE, Effect, INDUCTANCE, Parameter, USUAL, effect};
 use motorbench_model::{Model, Term};
@@ -21,6 +21,16 @@ use motorbench_model::{Model, Term};
 /// in.
 pub(super) fn names_by_evidence(gain: &Gain, nats: f64) -> bool {
     gain.sigmas > CONFIRMED_SIGMAS && gain.share > MATTERS_SHARE && is_very_strong(nats)
+}
+
+/// Whether another motor is found without an effect: its constants are wrong then, however little the readings differ.
+fn moves_the_motor(with: &Fit, without: &Fit) -> bool {
+    let constants = |fit: &Fit| {
+        let motor = &fit.model.motor;
+        [motor.resistance_ohm, motor.torque_constant_nm_per_a, motor.inertia_kg_m2]
+    };
+    let moved = constants(with).into_iter().zip(constants(without)).map(|(with, without)| (without / with).ln().abs());
+    moved.fold(0.0, f64::max) > MOVES_A_CONSTANT
 }
 
 /// A model without one of its effects.
@@ -90,12 +100,6 @@ impl Chooser<'_> {
         as_good.min_by(|a, b| a.cost.total_cmp(&b.cost))
     }
 
-    /// Whether every effect of a model would be named.
-    pub(super) fn all_stand(&self, fit: &Fit) -> bool {
-        let ids: Vec<_> = fit.model.terms.iter().map(Term::id).collect();
-        ids.into_par_iter().all(|id| self.check(fit, id).is_named)
-    }
-
     /// The model without one of its effects.
     fn check(&self, current: &Fit, id: &'static str) -> Check {
         let without = self.without(current, id);
@@ -129,10 +133,30 @@ impl Chooser<'_> {
                 || keeps_the_winding()
                 || has_evidence(&own) && own.sigmas > NAMED_SIGMAS
                 || names_by_evidence(&own, nats)
-                || USUAL.contains(&id) && own.share > LEAST_SHARE && nats + 0.5 * more_deviation > VERY_STRONG_NATS)
+                || USUAL.contains(&id)
+                    && (own.share > LEAST_SHARE || moves_the_motor(current, &without))
+                    && nats + 0.5 * more_deviation > VERY_STRONG_NATS
+                || is_very_strong(nats) && self.names_with_other_parts(&own, &without, current, nats))
             && self.number_matters(current, &without, id)
             && self.law_matters(current, &without, id);
         Check { id, without, own, stands, is_named }
+    }
+
+    /// Whether the evidence names an effect once every part of the data has been held out in turn: what acts in a few moments
+    /// alone, such as a sag at a high current, may hardly show in one part.
+    fn names_with_other_parts(&self, own: &Gain, without: &Fit, current: &Fit, nats: f64) -> bool {
+        if own.sigmas <= 0.0 {
+            return false;
+        }
+        let in_part = |part: Dataset| {
+            let [before, after] = [without, current].map(|found| fit(&found.model, &part, self.prior, Effort::CHECK));
+            gain_over(&part, &before, &after)
+        };
+        let parts: Vec<Gain> = self.data.with_others_held_out().map(in_part).chain([own.clone()]).collect();
+        let count = parts.len() as f64;
+        let sum = |of: fn(&Gain) -> f64| parts.iter().map(of).sum::<f64>();
+        let sigmas = sum(|gain| gain.sigmas) / count.sqrt();
+        names_by_evidence(&Gain { sigmas, share: sum(|gain| gain.share) / count, rmse: Vec::new() }, nats)
     }
 
     /// Whether a model explains less, by the held-out data or by very strong evidence.
