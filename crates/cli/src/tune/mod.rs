@@ -202,7 +202,7 @@ impl<L: Line> Session<L> {
         self.traces.extend(came);
         let kept = self.ticks(SHOWN_S) as usize;
         self.traces.drain(..self.traces.len().saturating_sub(kept));
-        if self.step.as_ref().is_some_and(|step| self.course(step).len() < self.since_change(step).len()) {
+        if self.step.as_ref().is_some_and(|step| !self.course(step).1.is_empty()) {
             self.finish_step()?;
         }
         if self.armed && self.way_back == ReturnToRest::Begun && self.is_at_rest() {
@@ -449,23 +449,19 @@ impl<L: Line> Session<L> {
         )
     }
 
-    /// The samples of a step test from the change of the reference on: the board takes it a little after it was sent.
-    fn since_change<'a>(&self, step: &'a [Sample]) -> &'a [Sample] {
+    /// The samples that the figures of a step test are of, and those after them: the same time in each test, however many
+    /// came at once. It begins where the reference changes, as the board takes it a little after it was sent.
+    fn course<'a>(&self, step: &'a [Sample]) -> (&'a [Sample], &'a [Sample]) {
         let reference = |sample: &Sample| self.point(sample).reference;
         let begun = step.iter().position(|sample| reference(sample) != reference(&step[0])).unwrap_or(0);
-        &step[begun..]
-    }
-
-    /// Those of them that the figures are of: the same time in each test, however many samples came at once.
-    fn course<'a>(&self, step: &'a [Sample]) -> &'a [Sample] {
-        let since = self.since_change(step);
-        let end = since.partition_point(|sample| sample.tick.wrapping_sub(since[0].tick) < self.ticks(STEP_S));
-        &since[..end]
+        let since = &step[begun..];
+        let length = self.ticks(STEP_S);
+        since.split_at(since.partition_point(|sample| sample.tick.wrapping_sub(since[0].tick) < length))
     }
 
     fn finish_step(&mut self) -> Result<(), BoardError> {
         let samples = self.step.take().unwrap_or_default();
-        let course = self.course(&samples);
+        let (course, _) = self.course(&samples);
         let points: Vec<Point> = course.iter().map(|sample| self.point(sample)).collect();
         let figures = step_figures(&points, |point| point.measured_rad_per_s, self.reference);
         let TunedLoop { mode, gains } = self.tuned();

@@ -157,17 +157,16 @@ impl Dataset {
         if self.origin.current_is_magnitude {
             notes.push("i_A never becomes negative though the voltage reverses. Its sensor has no sign, so it is compared with the magnitude of the current.".to_owned());
         }
-        let window_s = Some(self.origin.current_window_s).filter(|window_s| *window_s > 0.0);
-        let is_phase_known = self.origin.pwm_phase.is_some();
-        if let Some(window_s) = window_s.filter(|_| self.origin.timing.current_window_s.is_none() && !is_phase_known) {
+        let window_s = self.origin.current_window_s;
+        if self.origin.is_current_window_assumed() {
             notes.push(format!(
                 "The current is compared as a mean over the {window_s:.4} s before its row; a lag or more inductance would explain it as well. Set [recording] current_window_s in the rig file to say which it is."
             ));
         }
         if let Some(phase) = self.origin.pwm_phase.filter(|_| self.reads_instants()) {
             let read = match window_s {
-                Some(window_s) => format!("a mean over the {window_s:.4} s before its row"),
-                None => "an instantaneous value".to_owned(),
+                0.0 => "an instantaneous value".to_owned(),
+                _ => format!("a mean over the {window_s:.4} s before its row"),
             };
             notes.push(format!(
                 "Each current is compared as {read}, {phase:.2} of a PWM period after the begin of one at t_s = 0. That fits much better than a mean over whole periods. Average the current over a PWM period in the program."

@@ -157,6 +157,16 @@ impl Origin {
         self.timing.current_sampled_at.or(self.pwm_phase.map(at))
     }
 
+    /// Puts the PWM ahead by so many periods, where its phase is known.
+    pub fn move_pwm(&mut self, periods: f64) {
+        self.pwm_phase = self.pwm_phase.map(|phase| (phase + periods).rem_euclid(1.0));
+    }
+
+    /// Whether each current is a mean over a time that neither the rig file nor a ripple tells.
+    pub fn is_current_window_assumed(&self) -> bool {
+        self.timing.current_window_s.is_none() && self.pwm_phase.is_none() && self.current_window_s > 0.0
+    }
+
     /// The share of its period at which a PWM that is averaged takes a duty that comes at this time.
     pub fn takes_duty_at(&self, time_s: f64) -> f64 {
         match self.pwm_phase {

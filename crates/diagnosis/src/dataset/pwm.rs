@@ -33,8 +33,7 @@ impl Dataset {
         let (begin_s, end_s) = (self.time_s[0], self.time_s[self.len() - 1]);
         let off_hz = turns / (end_s - begin_s);
         other.origin.pwm_hz += off_hz;
-        let at_0 = periods - off_hz * 0.5 * (begin_s + end_s);
-        other.origin.pwm_phase = self.origin.pwm_phase.map(|phase| (phase + at_0).rem_euclid(1.0));
+        other.origin.move_pwm(periods - off_hz * 0.5 * (begin_s + end_s));
         other
     }
 
@@ -43,9 +42,8 @@ impl Dataset {
     pub fn with_current_filtered(mut self, slower_s: f64) -> Self {
         let origin = &mut self.origin;
         let filter_s = (origin.current_filter_s + slower_s).max(0.0);
-        let later = origin.pwm_hz * (filter_s - origin.current_filter_s);
+        origin.move_pwm(origin.pwm_hz * (filter_s - origin.current_filter_s));
         origin.current_filter_s = filter_s;
-        origin.pwm_phase = origin.pwm_phase.map(|phase| (phase + later).rem_euclid(1.0));
         self
     }
 
@@ -53,9 +51,8 @@ impl Dataset {
     pub fn with_current_averaged(mut self, longer_s: f64) -> Self {
         let origin = &mut self.origin;
         let window_s = (origin.current_window_s + longer_s).max(0.0);
-        let later = 0.5 * origin.pwm_hz * (window_s - origin.current_window_s);
+        origin.move_pwm(0.5 * origin.pwm_hz * (window_s - origin.current_window_s));
         origin.current_window_s = window_s;
-        origin.pwm_phase = origin.pwm_phase.map(|phase| (phase + later).rem_euclid(1.0));
         self
     }
 

@@ -171,12 +171,13 @@ pub(super) fn waits_for_the_pwm(id: &str, data: &Dataset, model: &Model) -> bool
 pub(super) fn is_of_the_reading(cause: &str, data: &Dataset, model: &Model) -> bool {
     let shows_pwm = || model.terms.iter().any(|term| term.effect.about().acts_on.contains(&ActsOn::Voltage));
     let of_pwm = || !data.origin.pwm_is_known && shows_pwm();
-    let origin = &data.origin;
-    let is_window_assumed = origin.timing.current_window_s.is_none() && origin.pwm_phase.is_none();
-    let of_window = || is_window_assumed && origin.current_window_s > 0.0;
     let of_lateness = || data.current().is_none() && data.origin.timing.command_delay_s.is_none();
     cause == INDUCTANCE
-        && (of_pwm() || of_window() || of_lateness() || data.has_moments() || data.origin.taken_over_its_row)
+        && (of_pwm()
+            || data.origin.is_current_window_assumed()
+            || of_lateness()
+            || data.has_moments()
+            || data.origin.taken_over_its_row)
 }
 
 #[cfg(test)]

@@ -62,22 +62,19 @@ fn in_step(data: &Dataset, prior: &Prior, model: &Model) -> (Fit, Dataset) {
         let found = fit(model, &other, prior, Effort::TRIAL);
         let (other, found) = polished(&other, prior, found);
         // As an instant, a mean over a part of a period may agree best with another timer.
-        match over_a_window(&other, prior, &found) {
-            Some((other, averaged)) => (averaged, other),
-            None => (found, other),
-        }
+        let (other, found) = over_a_window(other, prior, found);
+        (found, other)
     });
     fitted.min_by(|a, b| a.0.cost.total_cmp(&b.0.cost)).expect("one way at least")
 }
 
-/// The data with what lies between the current and its reading, if there is very strong evidence for it, and the fit: a mean
-/// over a part of the period of a PWM whose edges are simulated; a low-pass in front of the conversion where the PWM is
-/// averaged, and then the duty is taken as fits better.
+/// The data of a PWM that is averaged with a low-pass in front of the conversion, if there is very strong evidence for one,
+/// and with the duty taken as fits better, and the fit.
 fn as_read(data: Dataset, prior: &Prior, found: Fit) -> (Dataset, Fit) {
-    if data.is_switched() {
-        return over_a_window(&data, prior, &found).unwrap_or((data, found));
-    }
     let mut best = (data, found);
+    if best.0.is_switched() {
+        return best;
+    }
     if best.0.origin.current_filter_s == 0.0 {
         let filtered = best.0.clone().with_current_filtered(FIRST_FILTER / best.0.origin.pwm_hz);
         let found = fit(&best.1.model, &filtered, prior, Effort::TRIAL);
@@ -92,10 +89,11 @@ fn as_read(data: Dataset, prior: &Prior, found: Fit) -> (Dataset, Fit) {
     }
 }
 
-/// The data with each current a mean over a part of the period, if that is not known and has very strong evidence.
-fn over_a_window(data: &Dataset, prior: &Prior, found: &Fit) -> Option<(Dataset, Fit)> {
+/// The data of a PWM whose edges are simulated with each current a mean over a part of the period, if that is not known and
+/// has very strong evidence, and the fit.
+fn over_a_window(data: Dataset, prior: &Prior, found: Fit) -> (Dataset, Fit) {
     if data.origin.current_window_s > 0.0 || !data.is_switched() || !data.reads_instants() {
-        return None;
+        return (data, found);
     }
     let averaged = FIRST_WINDOWS.into_par_iter().map(|periods| {
         let other = data.clone().with_current_averaged(periods / data.origin.pwm_hz);
@@ -104,9 +102,10 @@ fn over_a_window(data: &Dataset, prior: &Prior, found: &Fit) -> Option<(Dataset,
     });
     // Currents that are read at one instant agree less with any of them.
     let first = averaged.min_by(|a, b| a.1.cost.total_cmp(&b.1.cost)).filter(|(_, first)| first.cost < found.cost);
-    let (other, first) = first?;
+    let Some((other, first)) = first else { return (data, found) };
     let (other, averaged) = polished(&other, prior, fit(&first.model, &other, prior, Effort::TRIAL));
-    (evidence_nats(data, found, &averaged) > least_nats(data)).then_some((other, averaged))
+    let shows = evidence_nats(&data, &found, &averaged) > least_nats(&data);
+    if shows { (other, averaged) } else { (data, found) }
 }
 
 /// The data of a PWM that is averaged, with the duty taken at the best other time, and the fit.
@@ -163,6 +162,7 @@ pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {
             return false;
         }
         let (other, better) = polished(data, prior, found.clone());
+        let (other, better) = over_a_window(other, prior, better);
         let (other, better) = as_read(other, prior, better);
         let gains = evidence_nats(data, found, &better) > VERY_STRONG_NATS;
         if gains {

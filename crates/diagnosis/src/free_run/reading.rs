@@ -80,6 +80,12 @@ fn read_late(readings: &mut [f64], data: &Dataset, late_s: f64) {
     }
 }
 
+/// Integral of a current over the last share of an interval, in lengths of the interval, from its values at both ends.
+pub(super) fn in_the_last(share: f64, [first_a, last_a]: [f64; 2], bulge: &Bulge) -> f64 {
+    let even_a = last_a - 0.5 * share * (last_a - first_a);
+    share * even_a + bulge.in_the_last(share)
+}
+
 /// Mean current over the last `window_s` of these rows and the one after them, or over all of that if it is shorter.
 fn mean_current_before(motion: &Motion, time_s: &[f64], rows: Range<usize>, window_s: f64, winding_s: f64) -> f64 {
     let (mut charge, mut length_s) = (0.0, 0.0);
@@ -90,10 +96,8 @@ fn mean_current_before(motion: &Motion, time_s: &[f64], rows: Range<usize>, wind
         let last = first + 1;
         let interval_s = time_s[last] - time_s[first];
         let share = ((window_s - length_s) / interval_s).min(1.0);
-        let rise_a = motion.current_a[last] - motion.current_a[first];
-        let even_a = motion.current_a[last] - 0.5 * share * rise_a;
         let bulge = Bulge::new(motion.bulge_a[last], interval_s, winding_s);
-        charge += interval_s * (share * even_a + bulge.in_the_last(share));
+        charge += interval_s * in_the_last(share, [first, last].map(|row| motion.current_a[row]), &bulge);
         length_s += share * interval_s;
     }
     charge / length_s

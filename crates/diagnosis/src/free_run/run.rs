@@ -1,5 +1,6 @@
 //! Simulates the motor of a model through one stretch of the data.
 
+use super::reading::in_the_last;
 use super::replay::{Change, Cut, Piece};
 use super::{Motion, acts_by_angle, inertia_kg_m2};
 use crate::configuration::free_run::run::HELD_KG_M2;
@@ -355,9 +356,8 @@ impl<'a> Run<'a> {
         let winding_s = TimeConstants::of(&self.model.motor).electromagnetic_s;
         for Passed { length_s: of_step_s, begin_a, mean_a, end_a } in self.lately.iter().rev() {
             let share = ((window_s - length_s) / of_step_s).min(1.0);
-            let even_a = end_a - 0.5 * share * (end_a - begin_a);
             let bulge = Bulge::new(mean_a - 0.5 * (begin_a + end_a), *of_step_s, winding_s);
-            charge += of_step_s * (share * even_a + bulge.in_the_last(share));
+            charge += of_step_s * in_the_last(share, [*begin_a, *end_a], &bulge);
             length_s += share * of_step_s;
             needed += 1;
             if length_s >= window_s - SAME_LENGTH_S {
