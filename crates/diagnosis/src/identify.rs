@@ -124,17 +124,17 @@ pub struct Fit {
 /// The time of an event (the only constants with a [`spacing`](motorbench_model::catalogue::Search::spacing)) is read
 /// from all the data: if it lies in a held-out stretch, the other data do not contain it.
 pub fn fit(start: &Model, data: &Dataset, prior: &Prior, effort: Effort) -> Fit {
-    fit_in(&Replay::new(data), start, prior, effort)
+    fit_in(&Replay::new(data), start, prior, effort, None)
 }
 
 /// The same where the command has been cut into steps already.
-fn fit_in(replay: &Replay, start: &Model, prior: &Prior, effort: Effort) -> Fit {
+fn fit_in(replay: &Replay, start: &Model, prior: &Prior, effort: Effort, near: Option<&Fit>) -> Fit {
     let scales = scales(&start.motor, replay.data);
     let located = start.terms.iter().enumerate().find_map(|(term, Term { effect, .. })| {
         let (index, spacing) = effect.spacing(&scales)?;
         Some(located(start, replay, term, index, spacing))
     });
-    Search::new(located.as_ref().unwrap_or(start), replay, prior).run(effort)
+    Search::new(located.as_ref().unwrap_or(start), replay, prior).near(near).run(effort)
 }
 
 /// The model with the constant, within half a spacing, at which the sum of all squares is least, held-out data
@@ -222,6 +222,11 @@ impl Fit {
     /// Number of residuals that it used.
     pub fn used(&self) -> usize {
         self.residual.iter().filter(|residual| **residual != 0.0).count()
+    }
+
+    /// Cost of a residual: fewer remain where rows are left out, or where a reading comes twice.
+    pub fn mean_square(&self) -> f64 {
+        self.cost / self.used().max(1) as f64
     }
 
     /// Whether a fitted constant of a term is at the end of its range, where its law becomes another one or makes no

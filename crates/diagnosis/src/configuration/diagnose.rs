@@ -29,6 +29,9 @@ pub(crate) mod bad_stretches {
     /// At most so many places are left out, and this share of a recording. More is a cause, and no accident.
     pub const MOST_PLACES: usize = 4;
     pub const MOST_LEFT_OUT: f64 = 0.15;
+    /// Effects are selected without a stretch if it has three quarters of the squares that remain, so that half of the rest is
+    /// left. A law that is missing acts elsewhere as well.
+    pub const LEFT_OF_REST: f64 = 0.5;
 }
 
 /// [`crate::diagnose::causes`].

@@ -2,13 +2,14 @@
 //! are garbled. One of them costs every name, since its error outweighs all others. They are found where what the model
 //! lacks stands out, and left out if everything else is explained without them.
 
-use super::judge::BLOCK_S;
+use super::judge::{BLOCK_S, NOT_NOISE, above_floor};
 use super::missing::lack;
 use super::residuals;
 use crate::configuration::diagnose::bad_stretches::{BELONGS, STANDS_OUT};
-pub(super) use crate::configuration::diagnose::bad_stretches::{MOST_LEFT_OUT, MOST_PLACES};
+pub(super) use crate::configuration::diagnose::bad_stretches::{LEFT_OF_REST, MOST_LEFT_OUT, MOST_PLACES};
 use crate::dataset::{Dataset, Stretch, median};
-use crate::identify::Fit;
+use crate::identify::{Effort, Fit, Prior, fit};
+use motorbench_model::Model;
 use motorbench_model::catalogue::ActsOn;
 use std::ops::Range;
 
@@ -17,13 +18,33 @@ pub(super) fn without_greatest(data: &Dataset, found: &Fit) -> Option<Dataset> {
     without(data, standing_out(&Lacks::new(data, found), |_| true)?)
 }
 
-/// The same of the stretches that adjoin one that is left out: they belong to it, and are less than it.
-pub(super) fn without_adjoining(data: &Dataset, found: &Fit) -> Option<Dataset> {
+/// The same of the stretches that adjoin those that are left out: they belong to them, and are less than they. With the model
+/// fitted to what is left.
+pub(super) fn without_adjoining(mut rest: Dataset, prior: &Prior, model: &Model) -> (Dataset, Fit) {
+    let refit = |rest: &Dataset| fit(model, rest, prior, Effort::AGAIN);
+    let mut found = refit(&rest);
+    for _ in 0..MOST_PLACES {
+        let Some(next) = without_greatest_adjoining(&rest, &found) else { break };
+        found = refit(&next);
+        rest = next;
+    }
+    (rest, found)
+}
+
+fn without_greatest_adjoining(data: &Dataset, found: &Fit) -> Option<Dataset> {
     let adjoins = |rows: &Range<usize>| {
         let left_out = |place: &Range<usize>| place.end == rows.start || place.start == rows.end;
         data.origin.left_out.iter().any(left_out)
     };
     without(data, standing_out(&Lacks::new(data, found), adjoins)?)
+}
+
+/// Whether the effects of a model explain all but one such stretch.
+pub(super) fn are_all_that_remains(data: &Dataset, prior: &Prior, found: &Fit) -> bool {
+    without_greatest(data, found).is_some_and(|rest| {
+        let (rest, found) = without_adjoining(rest, prior, &found.model);
+        above_floor(&rest, &found) < NOT_NOISE
+    })
 }
 
 fn without(data: &Dataset, rows: Range<usize>) -> Option<Dataset> {

@@ -1,7 +1,7 @@
 //! How recordings are interpreted: what the rig file leaves open about them is settled in turn, and after each step the
 //! effects are selected anew.
 
-use super::bad_stretches::MOST_PLACES;
+use super::bad_stretches::{LEFT_OF_REST, MOST_PLACES};
 use super::channels::excluded;
 use super::hidden_drop::HiddenDrop;
 use super::judge::{self, AS_GOOD, NOT_NOISE, above_floor};
@@ -267,36 +267,35 @@ impl Interpreter<'_> {
         }
         let usual = usual_model(data, self.prior, &self.excluded(data));
         let mut next = bad_stretches::without_greatest(data, &usual);
-        let mut model = found.last.model.clone();
+        let mut models = vec![usual.model, found.last.model.clone()];
+        let mut before = above_floor(data, &found.last);
         for _ in 0..MOST_PLACES {
-            (self.progress)("without a stretch that does not follow its command");
-            let (rest, _) = self.without_adjoining(next?, &model);
-            let selection = self.select(&rest);
-            let (rest, selection) = self.settled(rest, selection);
-            if above_floor(&rest, &selection.last) < NOT_NOISE {
-                return Some(self.without_remnants(rest, selection));
+            let (mut rest, mut without) = self.best_without_adjoining(&next?, &models);
+            if above_floor(&rest, &without) < (LEFT_OF_REST * before).max(NOT_NOISE) {
+                (self.progress)("without a stretch that does not follow its command");
+                let mut selection = self.select(&rest);
+                (rest, selection) = self.settled(rest, selection);
+                before = above_floor(&rest, &selection.last);
+                if before < NOT_NOISE {
+                    return Some(self.without_remnants(rest, selection));
+                }
+                without = selection.last;
             }
-            next = bad_stretches::without_greatest(&rest, &selection.last);
-            model = selection.last.model;
+            next = bad_stretches::without_greatest(&rest, &without);
+            models.push(without.model);
         }
         None
     }
 
-    /// Without what adjoins the stretches that are left out: beside them it did not stand out.
-    fn without_adjoining(&self, mut rest: Dataset, model: &Model) -> (Dataset, Fit) {
-        let refit = |rest: &Dataset| fit(model, rest, self.prior, Effort::AGAIN);
-        let mut found = refit(&rest);
-        for _ in 0..MOST_PLACES {
-            let Some(next) = bad_stretches::without_adjoining(&rest, &found) else { break };
-            found = refit(&next);
-            rest = next;
-        }
-        (rest, found)
+    /// Without what adjoins the stretches that are left out, by the model that explains most.
+    fn best_without_adjoining(&self, rest: &Dataset, models: &[Model]) -> (Dataset, Fit) {
+        let ways = models.iter().map(|model| bad_stretches::without_adjoining(rest.clone(), self.prior, model));
+        ways.min_by(|a, b| a.1.mean_square().total_cmp(&b.1.mean_square())).expect("one model at least")
     }
 
-    /// The same once everything is explained, where a remnant shows above the noise.
+    /// Without what adjoins the stretches that are left out, once everything is explained: beside them it did not stand out.
     fn without_remnants(&self, data: Dataset, selection: Selection) -> (Dataset, Selection) {
-        let (rest, found) = self.without_adjoining(data.clone(), &selection.last.model);
+        let (rest, found) = bad_stretches::without_adjoining(data.clone(), self.prior, &selection.last.model);
         if rest.origin.left_out == data.origin.left_out {
             return (data, selection);
         }

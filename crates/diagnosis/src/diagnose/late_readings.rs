@@ -12,7 +12,7 @@ use crate::configuration::diagnose::late_readings::{
     ANOTHER, BEGUN, CLOSER, DEAD_BANDS, FIRST_STEP_S, FOLLOWED, LAST_STEP_S, MOST_DEAD, NOT_LATENESS, ROUNDS,
     TIME_CONSTANTS_S,
 };
-use crate::dataset::{Dataset, LateCourse, median};
+use crate::dataset::{Dataset, LateCourse, greatest, median};
 use crate::free_run::free_run;
 use crate::identify::{Effort, Fit, Prior, fit};
 use maybe_rayon::prelude::*;
@@ -42,7 +42,7 @@ pub(super) fn settled(data: Dataset, prior: &Prior) -> Dataset {
     begun.truncate(FOLLOWED);
     let ways = begun.into_par_iter().filter_map(|way| followed(&data, way, &expected, prior));
     let best = ways.min_by(|one, other| nats(one).total_cmp(&nats(other)));
-    let explains = |found: &Fit| mean_square(found) < LEAST_GAIN * mean_square(&usual);
+    let explains = |found: &Fit| found.mean_square() < LEAST_GAIN * usual.mean_square();
     best.filter(|(_, found)| explains(found)).map_or(data, |(retimed, _)| retimed)
 }
 
@@ -85,7 +85,7 @@ fn followed(data: &Dataset, begun: (Dataset, Fit), expected: &[f64], prior: &Pri
         let lacked = errors(retimed, &found.prediction);
         expected.iter_mut().zip(lacked).for_each(|(expected, lacked)| *expected = expected.min(lacked));
         let again = moved(data, &without_lag(&found.model, prior), &expected, prior)?;
-        if mean_square(&again.1) >= CLOSER * mean_square(found) {
+        if again.1.mean_square() >= CLOSER * found.mean_square() {
             break;
         }
         best = again;
@@ -97,7 +97,7 @@ fn followed(data: &Dataset, begun: (Dataset, Fit), expected: &[f64], prior: &Pri
 fn nats((retimed, found): &(Dataset, Fit)) -> f64 {
     let jumps = retimed.origin.late_readings.map_or(0, |late| late.jumps());
     let independent = retimed.len() as f64 * retimed.interval_s / judge::BLOCK_S;
-    0.5 * independent * mean_square(found).ln() + JUMP_NATS * jumps as f64
+    0.5 * independent * found.mean_square().ln() + JUMP_NATS * jumps as f64
 }
 
 /// The data with the lateness that brings them closest to a model, and the model fitted to them; `None` if it never jumps,
@@ -125,19 +125,45 @@ fn less_late(data: &Dataset, (late_s, course): (&[f64], LateCourse), model: &Mod
         (retimed, found)
     };
     let mut best = by(0.0, model);
+    shortened(greatest(late_s), |less_s| {
+        let other = by(less_s, &best.1.model);
+        let is_better = other.1.mean_square() < best.1.mean_square();
+        if is_better {
+            best = other;
+        }
+        is_better
+    });
+    best
+}
+
+/// By how much a lateness of `most_s` is shortened: in steps while the next one is better, and then in smaller ones. With all
+/// of it nothing is late, and another fit could only go on with the last one.
+fn shortened(most_s: f64, mut is_better: impl FnMut(f64) -> bool) -> f64 {
     let (mut less_s, mut step_s) = (0.0, FIRST_STEP_S);
     while step_s > LAST_STEP_S {
-        let other = by(less_s + step_s, &best.1.model);
-        if mean_square(&other.1) < mean_square(&best.1) {
-            (best, less_s) = (other, less_s + step_s);
+        let next_s = less_s + step_s;
+        if next_s < most_s && is_better(next_s) {
+            less_s = next_s;
         } else {
             step_s /= 2.0;
         }
     }
-    best
+    less_s
 }
 
-/// Cost of a reading: fewer remain where some come twice.
-fn mean_square(fit: &Fit) -> f64 {
-    fit.cost / fit.used().max(1) as f64
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_lateness_is_shortened_by_no_more_than_all_of_it() {
+        let up_to = |least_cost_s: f64| shortened(0.1, |less_s| less_s < least_cost_s);
+        for least_cost_s in [0.0, 0.013, 0.07] {
+            let less_s = up_to(least_cost_s);
+            assert!(less_s <= least_cost_s && least_cost_s - less_s < 2.0 * LAST_STEP_S, "{least_cost_s}: {less_s}");
+        }
+        // Each fit goes on with the last one, and may be better whatever the lateness is.
+        let less_s = up_to(f64::INFINITY);
+        assert!((0.1 - 2.0 * LAST_STEP_S..0.1).contains(&less_s), "{less_s}");
+    }
 }

@@ -7,7 +7,7 @@ mod winding;
 
 use super::data_sheet::{doubts, has_wrong_values, is_implausible};
 use super::judge::{AS_GOOD, Gain, NOT_NOISE, VERY_STRONG_NATS, above_floor, evidence_nats, gain};
-use super::{another_part, lateness, laws};
+use super::{another_part, bad_stretches, lateness, laws};
 use crate::configuration::diagnose::select::{LEAST_SHARE, LEAST_SIGMAS, MOST_EFFECTS, SAME_SHARE, SAME_SIGMAS};
 pub(super) use crate::configuration::diagnose::select::{NEAR, SMALL_REST};
 use crate::dataset::Dataset;
@@ -82,8 +82,9 @@ pub fn select(data: &Dataset, prior: &Prior, excluded: &[&str], progress: Progre
     let way = chooser.best_way(&base);
     let was_doubtful = chooser.is_doubtful(&way.0);
     let chosen = chooser.finished(&base, way);
-    // What only many effects together explain may lose them one by one.
-    if !was_doubtful && chooser.is_doubtful(&chosen.last) {
+    // What only many effects together explain may lose them one by one. A fit that is even better without has lost nothing.
+    let has_lost = chosen.last.cost > chosen.widest.cost;
+    if has_lost && !was_doubtful && chooser.is_doubtful(&chosen.last) {
         let other = chooser.finished(&base, chooser.way_from_usual(&base));
         if chooser.rank(&other.last) < chooser.rank(&chosen.last) {
             return other;
@@ -174,18 +175,19 @@ impl Chooser<'_> {
     /// Adds significant effects to the linear fit. If doubts remain, it also tries other ways and takes the best.
     fn way(&self, base: &Fit) -> Way {
         let mut way = self.or_beside_nominal(self.forward(base.clone(), Vec::new(), Lead::Significance));
-        if self.is_doubtful(&way.0) {
-            let usual = self.way_from_usual(base);
-            let agree = self.agree(&way.0, &usual.0);
-            // Otherwise the rig file's motor is no good start: its values may be wrong.
-            let is_no_start = usual.0.cost > way.0.cost;
-            way = self.better(way, usual);
-            if agree {
-                return way;
-            }
-            if is_no_start && self.is_doubtful(&way.0) {
-                way = self.better(way, self.forward(base.clone(), Vec::new(), Lead::Cost));
-            }
+        if !self.is_doubtful(&way.0) || bad_stretches::are_all_that_remains(self.data, self.prior, &way.0) {
+            return way;
+        }
+        let usual = self.way_from_usual(base);
+        let agree = self.agree(&way.0, &usual.0);
+        // Otherwise the rig file's motor is no good start: its values may be wrong.
+        let is_no_start = usual.0.cost > way.0.cost;
+        way = self.better(way, usual);
+        if agree {
+            return way;
+        }
+        if is_no_start && self.is_doubtful(&way.0) {
+            way = self.better(way, self.forward(base.clone(), Vec::new(), Lead::Cost));
         }
         if self.is_doubtful(&way.0)
             && let Some((anew, step)) = self.anew(base)
@@ -279,13 +281,14 @@ impl Chooser<'_> {
         promises
     }
 
-    fn try_all(&self, from: &Model, promises: &[Promise], effort: Effort) -> Vec<(&'static str, Fit)> {
+    fn try_all(&self, from: &Fit, promises: &[Promise], effort: Effort) -> Vec<(&'static str, Fit)> {
         promises
             .into_par_iter()
             .map(|promise| {
                 let effect = CATALOGUE[promise.effect];
                 let starts = (&promise.other_starts).into_par_iter().chain([&promise.start]);
-                let fits = starts.map(|start| self.fits.fit(&from.with(effect, start.clone()), effort));
+                let fits =
+                    starts.map(|start| self.fits.fit_near(from, &from.model.with(effect, start.clone()), effort));
                 let best = fits.min_by(|a, b| a.cost.total_cmp(&b.cost)).expect("one start at least");
                 (effect.about().id, best)
             })

@@ -3,7 +3,7 @@
 use super::{Effort, Fit, Prior, Search, fit_in};
 use crate::dataset::Dataset;
 use crate::free_run::{Replay, Steps};
-use motorbench_model::Model;
+use motorbench_model::{Model, Term};
 use std::collections::HashMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -40,14 +40,23 @@ impl<'a> Fits<'a> {
 
     /// Fits a model from its present constants, as [`fit`](super::fit).
     pub fn fit(&self, model: &Model, effort: Effort) -> Fit {
-        let start = Start::new(model, effort);
+        self.begun(model, effort, None)
+    }
+
+    /// The same from a start that differs from a fit in few constants: the sensitivities are nearly those of that fit.
+    pub fn fit_near(&self, near: &Fit, model: &Model, effort: Effort) -> Fit {
+        self.begun(model, effort, Some(near))
+    }
+
+    fn begun(&self, model: &Model, effort: Effort, near: Option<&Fit>) -> Fit {
+        let start = Start::new(model, effort, near);
         // A fit that was given up does not tell where one with a higher limit ends.
         let answers = |end: &&End| end.given_up_above.is_none_or(|above| effort.useless_above <= above);
         let known = self.ends().get(&start).filter(answers).cloned();
         if let Some(end) = known {
             return Search::new(&end.model, &self.replay, self.prior).run(Effort { steps: 0, ..effort });
         }
-        let found = fit_in(&self.replay, model, self.prior, effort);
+        let found = fit_in(&self.replay, model, self.prior, effort, near);
         let given_up_above = found.is_given_up.then_some(effort.useless_above);
         self.ends().insert(start, End { model: found.model.clone(), given_up_above });
         found
@@ -59,12 +68,13 @@ impl<'a> Fits<'a> {
 }
 
 impl Start {
-    fn new(model: &Model, effort: Effort) -> Self {
-        let motor = model.motor.named().into_iter().map(|(_, value)| value);
-        let values = model.terms.iter().flat_map(|term| term.values.iter().copied());
-        let numbers = motor.chain(values).chain([effort.steps as f64, effort.least_gain]);
+    fn new(model: &Model, effort: Effort, near: Option<&Fit>) -> Self {
+        let models = || [model].into_iter().chain(near.map(|near| &near.model));
+        let motors = models().flat_map(|model| model.motor.named()).map(|(_, value)| value);
+        let values = models().flat_map(|model| &model.terms).flat_map(|term| term.values.iter().copied());
+        let numbers = motors.chain(values).chain([effort.steps as f64, effort.least_gain]);
         Self {
-            ids: model.terms.iter().map(|term| term.id()).collect(),
+            ids: models().flat_map(|model| &model.terms).map(Term::id).collect(),
             numbers: numbers.map(f64::to_bits).collect(),
             is_fine: effort.sensitivities == Steps::Fine,
             is_a_look: effort.is_a_look,

@@ -1,4 +1,5 @@
-//! Levenberg and Marquardt's method from one start. The sensitivities are simulated at the start and after a long step.
+//! Levenberg and Marquardt's method from one start. The sensitivities are simulated at the start, or taken from a fit near it,
+//! and simulated after a long step.
 //! After a short one they are corrected by the change (Broyden, Mathematics of Computation 19 (1965)), and so they are after
 //! a step that turned out too long. Unless the fit is only a look, it ends on simulated ones.
 
@@ -21,6 +22,8 @@ pub(super) struct Search<'a> {
     at: Point,
     damping: f64,
     is_given_up: bool,
+    /// A fit whose sensitivities hold nearly at the start as well.
+    near: Option<&'a Fit>,
 }
 
 /// The present point.
@@ -67,7 +70,13 @@ impl<'a> Search<'a> {
             unknown.set(&mut model, coordinate);
         }
         let scale = UnknownScale::of(&model, replay.data);
-        Self { replay, at: Point::new(model, replay, &unknowns), unknowns, scale, damping: 1e-3, is_given_up: false }
+        let at = Point::new(model, replay, &unknowns);
+        Self { replay, at, unknowns, scale, damping: 1e-3, is_given_up: false, near: None }
+    }
+
+    /// Begins with the sensitivities of a fit that is near the start.
+    pub fn near(self, fit: Option<&'a Fit>) -> Self {
+        Self { near: fit, ..self }
     }
 
     pub fn run(mut self, effort: Effort) -> Fit {
@@ -100,7 +109,19 @@ impl<'a> Search<'a> {
             ),
             is_simulated: true,
         };
-        let mut known = simulated(self);
+        let mut known = match self.near {
+            None => simulated(self),
+            Some(near) => Known {
+                sensitivities: Sensitivities::near(
+                    near,
+                    &self.at.model,
+                    self.replay,
+                    &self.unknowns,
+                    effort.sensitivities,
+                ),
+                is_simulated: false,
+            },
+        };
         let mut gained_before = f64::INFINITY;
         let mut steps_left = effort.steps;
         loop {

@@ -1,13 +1,14 @@
 //! Sensitivities of the weighted residual to the numbers that a fit moves.
 
 use super::unknown_scale::UnknownScale;
-use super::{Unknown, dot, weighted_residual};
+use super::{Fit, Unknown, dot, weighted_residual};
 use crate::configuration::identify::sensitivities::{DIFFERENCE, DIFFERENCE_OVER_EVENTS};
 use crate::free_run::{Motion, Prediction, Replay, Steps, nudged, read};
 use maybe_rayon::prelude::*;
 use motorbench_model::catalogue::{Balance, Effect};
 use motorbench_model::{Model, Term};
 use nalgebra::{DMatrix, DVector};
+use std::sync::OnceLock;
 
 /// A simulation that others are compared with.
 pub(super) struct Base<'a> {
@@ -51,6 +52,47 @@ impl<'a> Base<'a> {
     }
 }
 
+/// Finite differences around a model.
+struct Differences<'a> {
+    model: &'a Model,
+    base: Base<'a>,
+    /// Without a current the data hardly depend on some directions: there the error of a one-sided difference would decide.
+    both_sides: bool,
+    difference: f64,
+}
+
+impl<'a> Differences<'a> {
+    fn new(model: &'a Model, replay: &'a Replay<'a>, steps: Steps) -> Self {
+        let data = replay.data;
+        let is_at_edges = |effect: &dyn Effect| data.is_switched() && effect.is_of_switching();
+        let has_events = model.terms.iter().any(|Term { effect, .. }| effect.has_events() && !is_at_edges(*effect));
+        Self {
+            model,
+            base: Base::new(model, replay, steps),
+            both_sides: data.current().is_none(),
+            difference: if has_events { DIFFERENCE_OVER_EVENTS } else { DIFFERENCE },
+        }
+    }
+
+    /// The derivative of the residual.
+    fn of(&self, unknown: &Unknown) -> Vec<f64> {
+        let change = |coordinate: f64| {
+            let mut moved = self.model.clone();
+            unknown.set(&mut moved, coordinate);
+            self.base.change(&moved, unknown.place.changes_motion(self.model))
+        };
+        let here = unknown.get(self.model);
+        let [lowest, highest] = [unknown.min, unknown.max].map(|bound| bound / unknown.size);
+        let step = if here + self.difference > highest { -self.difference } else { self.difference };
+        let mut column = change(here + step);
+        if self.both_sides && (unknown.logarithmic || here - step > lowest) {
+            column.iter_mut().zip(change(here - step)).for_each(|(there, back)| *there = 0.5 * (*there - back));
+        }
+        column.iter_mut().for_each(|change| *change /= step);
+        column
+    }
+}
+
 /// One column an unknown.
 #[derive(Clone, Debug)]
 pub(super) struct Sensitivities {
@@ -62,33 +104,36 @@ pub(super) struct Sensitivities {
 impl Sensitivities {
     /// Computed by finite differences, on all cores.
     pub fn simulated(model: &Model, replay: &Replay, unknowns: &[Unknown], steps: Steps) -> Self {
-        let (data, base) = (replay.data, Base::new(model, replay, steps));
-        // Without a current the data hardly depend on some directions: there the error of a one-sided difference would
-        // decide.
-        let both_sides = data.current().is_none();
-        let is_at_edges = |effect: &dyn Effect| data.is_switched() && effect.is_of_switching();
-        let has_events = model.terms.iter().any(|Term { effect, .. }| effect.has_events() && !is_at_edges(*effect));
-        let difference = if has_events { DIFFERENCE_OVER_EVENTS } else { DIFFERENCE };
+        Self::beside(|_| None, model, replay, unknowns, steps)
+    }
+
+    /// Those of a fit to the same data, as far as they are known. Only the others are simulated.
+    pub fn near(fit: &Fit, model: &Model, replay: &Replay, unknowns: &[Unknown], steps: Steps) -> Self {
+        let of_the_same = |unknown: &Unknown| {
+            let (Self { columns, .. }, _) = fit.sensitivities.get()?;
+            let place = unknown.place.in_another(model, &fit.model)?;
+            let index = fit.unknowns.iter().position(|known| known.place == place)?;
+            let per_size = unknown.size / fit.unknowns[index].size;
+            Some(columns[index].iter().map(|change| per_size * change).collect())
+        };
+        Self::beside(of_the_same, model, replay, unknowns, steps)
+    }
+
+    /// `known`: the columns that need no simulation.
+    fn beside(
+        known: impl Fn(&Unknown) -> Option<Vec<f64>> + Sync,
+        model: &Model,
+        replay: &Replay,
+        unknowns: &[Unknown],
+        steps: Steps,
+    ) -> Self {
+        let differences = OnceLock::new();
+        let differences = || differences.get_or_init(|| Differences::new(model, replay, steps));
         let mut columns: Vec<Vec<f64>> = unknowns
             .into_par_iter()
-            .map(|unknown| {
-                let change = |coordinate: f64| {
-                    let mut moved = model.clone();
-                    unknown.set(&mut moved, coordinate);
-                    base.change(&moved, unknown.place.changes_motion(model))
-                };
-                let here = unknown.get(model);
-                let [lowest, highest] = [unknown.min, unknown.max].map(|bound| bound / unknown.size);
-                let step = if here + difference > highest { -difference } else { difference };
-                let mut column = change(here + step);
-                if both_sides && (unknown.logarithmic || here - step > lowest) {
-                    column.iter_mut().zip(change(here - step)).for_each(|(there, back)| *there = 0.5 * (*there - back));
-                }
-                column.iter_mut().for_each(|change| *change /= step);
-                column
-            })
+            .map(|unknown| known(unknown).unwrap_or_else(|| differences().of(unknown)))
             .collect();
-        if let Some(scale) = UnknownScale::of(model, data) {
+        if let Some(scale) = UnknownScale::of(model, replay.data) {
             scale.take_out(&mut columns, unknowns, model);
         }
         let normal = normal(&columns, unknowns);

@@ -29,6 +29,15 @@ impl Place {
             Self::Term(term, _) => model.terms[term].effect.changes_motion(),
         }
     }
+
+    /// The same place in another model, if that has the same term.
+    pub(super) fn in_another(self, model: &Model, other: &Model) -> Option<Self> {
+        let Self::Term(term, index) = self else { return Some(self) };
+        let Term { effect, values } = &model.terms[term];
+        let id = effect.about().id;
+        let term = other.terms.iter().position(|other| other.id() == id && other.values == *values)?;
+        Some(Self::Term(term, index))
+    }
 }
 
 /// A number that a fit can change.

@@ -48,22 +48,25 @@ impl Chooser<'_> {
     /// Drops effects without evidence and replaces those with a better rival. Returns the evidence for the others.
     pub(super) fn backward(&self, mut current: Fit) -> (Fit, Vec<Standing>) {
         let mut replacements = 0;
-        'again: loop {
+        loop {
             let checks;
             (current, checks) = self.pruned(current);
-            let mut standings = Vec::new();
-            for check in checks {
+            let rivals_of = |check: &Check| {
                 (self.progress)(&format!("rivals of {}", check.id));
-                let rivals = self.rivals(&current, &check.without, check.id);
-                if let Some((_, better)) = rivals.iter().find(|rival| self.is_better(&current, check.id, rival))
-                    && replacements < MOST_EFFECTS
-                {
-                    replacements += 1;
-                    current = better.clone();
-                    continue 'again;
-                }
-                standings.push(self.standing(check.id, check.own, &current, &rivals));
+                self.rivals(&current, &check.without, check.id)
+            };
+            let rivals: Vec<_> = (&checks).into_par_iter().map(rivals_of).collect();
+            let mut better = checks
+                .iter()
+                .zip(&rivals)
+                .flat_map(|(check, rivals)| rivals.iter().find(|rival| self.is_better(&current, check.id, rival)));
+            if let Some((_, better)) = better.next().filter(|_| replacements < MOST_EFFECTS) {
+                replacements += 1;
+                current = better.clone();
+                continue;
             }
+            let standing = |(check, rivals): (Check, Vec<_>)| self.standing(check.id, check.own, &current, &rivals);
+            let standings = checks.into_iter().zip(rivals).map(standing).collect();
             return (current, standings);
         }
     }
@@ -213,7 +216,7 @@ impl Chooser<'_> {
             let mut values = term.values.clone();
             values[index] = *other;
             let other = without.model.with(term.effect, values);
-            self.fits.fit(&other, Effort::CHECK.useless_above(as_well)).cost < as_well
+            self.fits.fit_near(without, &other, Effort::CHECK.useless_above(as_well)).cost < as_well
         };
         let as_good = (&looked_at).into_par_iter().filter(|other| does_as_well(other)).count();
         2 * as_good <= looked_at.len()
@@ -258,8 +261,10 @@ impl Chooser<'_> {
     /// Whether a rival makes another effect needless: one delay of the command looks like a lag of each sensor.
     fn replaces_two(&self, rival: &Fit, rival_id: &str) -> bool {
         let others = rival.model.terms.iter().map(Term::id).filter(|id| *id != rival_id && !USUAL.contains(id));
+        // One that is farther away is needed.
+        let effort = Effort::CHECK.useless_above(NEAR * rival.cost);
         others.collect::<Vec<_>>().into_par_iter().any(|id| {
-            let without = self.fits.fit(&rival.model.without(id), Effort::CHECK);
+            let without = self.fits.fit(&rival.model.without(id), effort);
             is_same(&self.gain(&without, rival)) && evidence_nats(self.data, &without, rival) < VERY_STRONG_NATS
         })
     }
@@ -274,7 +279,7 @@ impl Chooser<'_> {
         promises.retain(|promise| promise.gain >= best || promise.gain > RIVAL_SHARE * gained);
         // A rival farther away takes no place, and how far it is need not be known well.
         let effort = Effort::CHECK.useless_above(NEAR * current.cost);
-        let mut rivals = self.try_all(&without.model, &promises, effort);
+        let mut rivals = self.try_all(without, &promises, effort);
         for (lookalike, fit) in self.lookalikes(&current.model, id, effort) {
             match rivals.iter_mut().find(|(rival, _)| *rival == lookalike) {
                 Some((_, other)) if other.cost > fit.cost => *other = fit,
@@ -319,7 +324,8 @@ impl Chooser<'_> {
             let best = fits.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost));
             best.map(|best| (effect.about().id, best))
         };
-        self.possible().filter(|effect| !model.has(effect.about().id)).filter_map(looks_alike).collect()
+        let absent = self.possible().filter(|effect| !model.has(effect.about().id));
+        absent.collect::<Vec<_>>().into_par_iter().filter_map(looks_alike).collect()
     }
 
     fn standing(&self, id: &'static str, own: Gain, current: &Fit, rivals: &[(&'static str, Fit)]) -> Standing {

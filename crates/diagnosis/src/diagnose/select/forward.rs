@@ -75,7 +75,7 @@ impl Chooser<'_> {
         }
         promises.retain(|promise| promise.gain > TRIED_SHARE * best);
         (self.progress)(&format!("{} effects, trying {}", current.model.terms.len(), promises.len()));
-        let tried = self.try_all(&current.model, &promises, Effort::TRIAL.useless_above(current.cost));
+        let tried = self.try_all(current, &promises, Effort::TRIAL.useless_above(current.cost));
         let mut fits: Vec<Fit> = tried.into_iter().map(|(_, fit)| fit).collect();
         if is_first && lead != Lead::Evidence && !promises.is_empty() {
             fits.extend(self.fresh(current));
@@ -94,7 +94,7 @@ impl Chooser<'_> {
         });
         let models: Vec<Model> = starts.map(|(effect, start)| current.model.with(effect, start)).collect();
         let effort = Effort::TRIAL.useless_above(current.cost);
-        models.into_par_iter().map(|model| self.fits.fit(&model, effort)).collect()
+        models.into_par_iter().map(|model| self.fits.fit_near(current, &model, effort)).collect()
     }
 
     fn first_with_evidence(&self, current: &Fit, fits: &[Fit]) -> Option<(usize, Gain)> {
