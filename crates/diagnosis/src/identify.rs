@@ -127,7 +127,8 @@ pub fn fit(start: &Model, data: &Dataset, prior: &Prior, effort: Effort) -> Fit 
     fit_in(&Replay::new(data), start, prior, effort, None)
 }
 
-/// The same where the command has been cut into steps already.
+/// The same where the command has been cut into steps already. The sensitivities of a fit `near` the start need not be
+/// simulated again.
 fn fit_in(replay: &Replay, start: &Model, prior: &Prior, effort: Effort, near: Option<&Fit>) -> Fit {
     let scales = scales(&start.motor, replay.data);
     let located = start.terms.iter().enumerate().find_map(|(term, Term { effect, .. })| {

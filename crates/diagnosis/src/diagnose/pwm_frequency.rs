@@ -53,8 +53,7 @@ pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {
 /// The data with a frequency that explains as much as a lag of the current. A current that stops within each period looks
 /// late, and a mean over a period is.
 fn in_place_of_a_lag(data: &Dataset, prior: &Prior, found: &Fit) -> Option<Dataset> {
-    let is_late = |term: &&Term| term.effect.current_late_s(&term.values) > 0.0 && !term.effect.acts_on_motor();
-    let prompt = found.model.without(found.model.terms.iter().find(is_late)?.id());
+    let prompt = without_lag_of_current(&found.model)?;
     let windows_s = |hz: f64| {
         let of_period_s = data.reads_instants().then_some(1.0 / hz);
         [Some(data.origin.current_window_s), of_period_s].into_iter().flatten()
@@ -67,6 +66,12 @@ fn in_place_of_a_lag(data: &Dataset, prior: &Prior, found: &Fit) -> Option<Datas
     });
     let (other, best) = fits.min_by(|a, b| a.1.cost.total_cmp(&b.1.cost))?;
     (best.cost <= AS_GOOD * found.cost).then_some(other)
+}
+
+/// A model without its lag of the current, if it has one.
+pub(super) fn without_lag_of_current(model: &Model) -> Option<Model> {
+    let is_late = |term: &&Term| term.effect.current_late_s(&term.values) > 0.0 && !term.effect.acts_on_motor();
+    model.terms.iter().find(is_late).map(|lag| model.without(lag.id()))
 }
 
 fn with_pwm(data: &Dataset, hz: f64, window_s: f64) -> Dataset {

@@ -2,8 +2,8 @@
 //! recording. It shows where each current is sampled at one instant: the ripple gives frequency and phase. Where the PWM is
 //! slow, the phase also shows in when a command begins to act.
 
-use super::judge::{NOT_NOISE, VERY_STRONG_NATS, above_floor, evidence_nats};
-use super::pwm_frequency::with_usual_bridges;
+use super::judge::{AS_GOOD, NOT_NOISE, VERY_STRONG_NATS, above_floor, evidence_nats};
+use super::pwm_frequency::{with_usual_bridges, without_lag_of_current};
 use super::pwm_ripple::ripples;
 use crate::configuration::diagnose::pwm_phase::{
     EXCERPT_S, FIRST_FILTER, FIRST_WINDOWS, FITTED, HALVINGS, PHASES, PHASES_OF_SLOW, RIPPLE_TELLS, RIPPLES,
@@ -83,7 +83,7 @@ fn as_read(data: Dataset, prior: &Prior, found: Fit) -> (Dataset, Fit) {
             best = (filtered, found);
         }
     }
-    match taken_otherwise(&best.0, prior, &best.1) {
+    match taken_otherwise(&best.0, prior, &best.1.model) {
         Some((other, found)) if found.cost < best.1.cost => (other, found),
         _ => best,
     }
@@ -109,7 +109,7 @@ fn over_a_window(data: Dataset, prior: &Prior, found: Fit) -> (Dataset, Fit) {
 }
 
 /// The data of a PWM that is averaged, with the duty taken at the best other time, and the fit.
-fn taken_otherwise(data: &Dataset, prior: &Prior, found: &Fit) -> Option<(Dataset, Fit)> {
+fn taken_otherwise(data: &Dataset, prior: &Prior, model: &Model) -> Option<(Dataset, Fit)> {
     if !data.may_wait() {
         return None;
     }
@@ -117,10 +117,17 @@ fn taken_otherwise(data: &Dataset, prior: &Prior, found: &Fit) -> Option<(Datase
     let others: Vec<Latch> = others.filter(|latch| *latch != data.origin.latch).collect();
     let fitted = others.into_par_iter().map(|latch| {
         let other = data.with_latch(latch);
-        let found = fit(&found.model, &other, prior, Effort::TRIAL);
+        let found = fit(model, &other, prior, Effort::TRIAL);
         if other.origin.pwm_phase.is_some() { polished(&other, prior, found) } else { (other, found) }
     });
     fitted.min_by(|a, b| a.1.cost.total_cmp(&b.1.cost))
+}
+
+/// The same if that explains as much as a lag of the current. Where commands act at once, a model whose commands wait has too
+/// small a winding, and a lag in place of the rest.
+fn taken_in_place_of_a_lag(data: &Dataset, prior: &Prior, found: &Fit) -> Option<(Dataset, Fit)> {
+    let prompt = without_lag_of_current(&found.model)?;
+    taken_otherwise(data, prior, &prompt).filter(|(_, other)| other.cost <= AS_GOOD * found.cost)
 }
 
 /// The data with the phase and the frequency nearby with which a model fits best, and its fit. A low-pass in front of the
@@ -181,9 +188,9 @@ pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {
         *data = other;
         return true;
     }
-    if let Some((other, better)) = taken_otherwise(data, prior, found)
-        && evidence_nats(data, found, &better) > VERY_STRONG_NATS
-    {
+    let explains = |better: &Fit| evidence_nats(data, found, better) > VERY_STRONG_NATS;
+    let otherwise = taken_otherwise(data, prior, &found.model).filter(|(_, better)| explains(better));
+    if let Some((other, _)) = otherwise.or_else(|| taken_in_place_of_a_lag(data, prior, found)) {
         *data = other;
         return true;
     }

@@ -1,7 +1,7 @@
-//! Levenberg and Marquardt's method from one start. The sensitivities are simulated at the start, or taken from a fit near it,
-//! and simulated after a long step.
-//! After a short one they are corrected by the change (Broyden, Mathematics of Computation 19 (1965)), and so they are after
-//! a step that turned out too long. Unless the fit is only a look, it ends on simulated ones.
+//! Levenberg and Marquardt's method from one start. The sensitivities are simulated at the start, or taken from a fit near it.
+//! They are simulated again after a long step. After a short one they are corrected by the change (Broyden, Mathematics of
+//! Computation 19 (1965)), and so they are after a step that turned out too long. Unless the fit is only a look, it ends on
+//! simulated ones.
 
 use super::sensitivities::Sensitivities;
 use super::unknown_scale::UnknownScale;
@@ -100,28 +100,18 @@ impl<'a> Search<'a> {
 
     /// Steps until none gains any more. Returns the sensitivities if the last simulated ones still hold.
     fn descend(&mut self, effort: Effort) -> Option<Sensitivities> {
+        let steps = effort.sensitivities;
         let simulated = |search: &Self| Known {
-            sensitivities: Sensitivities::simulated(
-                &search.at.model,
-                search.replay,
-                &search.unknowns,
-                effort.sensitivities,
-            ),
+            sensitivities: Sensitivities::simulated(&search.at.model, search.replay, &search.unknowns, steps),
             is_simulated: true,
         };
-        let mut known = match self.near {
-            None => simulated(self),
-            Some(near) => Known {
-                sensitivities: Sensitivities::near(
-                    near,
-                    &self.at.model,
-                    self.replay,
-                    &self.unknowns,
-                    effort.sensitivities,
-                ),
+        let mut known = self.near.map_or_else(
+            || simulated(self),
+            |near| Known {
+                sensitivities: Sensitivities::near(near, &self.at.model, self.replay, &self.unknowns, steps),
                 is_simulated: false,
             },
-        };
+        );
         let mut gained_before = f64::INFINITY;
         let mut steps_left = effort.steps;
         loop {
