@@ -49,6 +49,14 @@ impl Term {
         self.effect.dry_losses(&self.values)
     }
 
+    /// As large beside a motor all of whose voltages and torques are this many times as great.
+    pub fn with_voltages_scaled(&self, factor: f64) -> Self {
+        let power = |parameter: &Parameter| Quantity::Voltage.power(parameter.unit);
+        let constants = self.effect.about().parameters.iter().zip(&self.values);
+        let values = constants.map(|(parameter, value)| value * factor.powf(power(parameter))).collect();
+        Self { effect: self.effect, values }
+    }
+
     /// Whether it is more than nothing.
     pub fn is_there(&self) -> bool {
         let is_something = |index: usize| self.values[index] != self.effect.about().parameters[index].nothing();

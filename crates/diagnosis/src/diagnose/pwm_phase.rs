@@ -2,9 +2,10 @@
 //! recording. It shows where each current is sampled at one instant: the ripple gives frequency and phase. Where the PWM is
 //! slow, the phase also shows in when a command begins to act.
 
-use super::judge::{AS_GOOD, NOT_NOISE, VERY_STRONG_NATS, above_floor, evidence_nats};
+use super::judge::{AS_GOOD, VERY_STRONG_NATS, evidence_nats};
 use super::pwm_frequency::{with_usual_bridges, without_lag_of_current};
 use super::pwm_ripple::ripples;
+use super::select::NEAR;
 use crate::configuration::diagnose::pwm_phase::{
     EXCERPT_S, FIRST_FILTER, FIRST_WINDOWS, FITTED, HALVINGS, PHASES, PHASES_OF_SLOW, RIPPLE_TELLS, RIPPLES,
 };
@@ -30,8 +31,8 @@ pub(super) fn settle_at_first(data: &mut Dataset, prior: &Prior) {
     let found = if data.reads_instants() { mean() } else { None };
     if let Some(by_ripple) = found.and_then(|mean| by_ripple(data, prior, &models, &mean)) {
         *data = by_ripple;
-    } else if data.is_pwm_slow() {
-        data.origin.pwm_phase = by_commands(data, prior, &models);
+    } else if let Some(by_commands) = by_commands(data, prior, &models) {
+        *data = by_commands;
     }
 }
 
@@ -42,8 +43,9 @@ fn by_ripple(data: &Dataset, prior: &Prior, models: &[Model], mean: &Fit) -> Opt
     let ways = found.iter().take(RIPPLES).filter_map(|ripple| {
         let other = data.with_pwm_of(ripple.hz, ripple.pulse);
         let near = Some(ripple.phase(&prior.motor));
-        let way = likeliest(&other.excerpt(EXCERPT_S), prior, models, near)?;
-        let phase = if other.is_pwm_slow() { in_everything(&other, prior, &way, near)? } else { way.phase };
+        let way = likeliest(&other.excerpt(EXCERPT_S), prior, models, near)
+            .filter(|way| way.found.cost <= AS_GOOD * way.mean.cost)?;
+        let phase = if other.is_pwm_slow() { in_everything(&other, prior, &way, near)?.0 } else { way.phase };
         Some(in_step(&other.with_pwm_phase(Some(phase)), prior, &way.found.model))
     });
     let (found, other) = ways.min_by(|a, b| a.0.cost.total_cmp(&b.0.cost))?;
@@ -54,18 +56,27 @@ fn by_ripple(data: &Dataset, prior: &Prior, models: &[Model], mean: &Fit) -> Opt
     })
 }
 
-/// The data of a PWM whose edges are simulated, with the duty taken as fits better, and the fit.
+/// The data of a PWM whose edges are simulated, with the duty taken as the readings show it, and the fit.
 fn in_step(data: &Dataset, prior: &Prior, model: &Model) -> (Fit, Dataset) {
-    let ways: &[Latch] = if data.is_pwm_slow() { &[Latch::WithPeriod, Latch::AtOnce] } else { &[Latch::WithPeriod] };
-    let fitted = ways.iter().map(|latch| {
-        let other = data.with_latch(*latch);
-        let found = fit(model, &other, prior, Effort::TRIAL);
-        let (other, found) = polished(&other, prior, found);
-        // As an instant, a mean over a part of a period may agree best with another timer.
-        let (other, found) = over_a_window(other, prior, found);
-        (found, other)
-    });
-    fitted.min_by(|a, b| a.0.cost.total_cmp(&b.0.cost)).expect("one way at least")
+    let (other, found) = as_latched(data, prior, model, Latch::WithPeriod);
+    if !data.is_pwm_slow() {
+        return (found, other);
+    }
+    let (at_once, prompt) = as_latched(data, prior, model, Latch::AtOnce);
+    // The timers of such boards wait for the next period (ATmega328P data sheet, 15.7 and 16.9).
+    match evidence_nats(&other, &found, &prompt) > VERY_STRONG_NATS {
+        true => (prompt, at_once),
+        false => (found, other),
+    }
+}
+
+/// The data with a timer that takes a new duty at such a time, in the phase with which a model fits best, and the fit.
+fn as_latched(data: &Dataset, prior: &Prior, model: &Model, latch: Latch) -> (Dataset, Fit) {
+    let other = data.with_latch(latch);
+    let found = fit(model, &other, prior, Effort::TRIAL);
+    let (other, found) = polished(&other, prior, found);
+    // As an instant, a mean over a part of a period may agree best with another timer.
+    over_a_window(other, prior, found)
 }
 
 /// The data of a PWM that is averaged with a low-pass in front of the conversion, if there is very strong evidence for one,
@@ -73,7 +84,7 @@ fn in_step(data: &Dataset, prior: &Prior, model: &Model) -> (Fit, Dataset) {
 fn as_read(data: Dataset, prior: &Prior, found: Fit) -> (Dataset, Fit) {
     let mut best = (data, found);
     if best.0.is_switched() {
-        return best;
+        return as_switched(best.0, prior, best.1);
     }
     if best.0.origin.current_filter_s == 0.0 {
         let filtered = best.0.clone().with_current_filtered(FIRST_FILTER / best.0.origin.pwm_hz);
@@ -87,6 +98,18 @@ fn as_read(data: Dataset, prior: &Prior, found: Fit) -> (Dataset, Fit) {
         Some((other, found)) if found.cost < best.1.cost => (other, found),
         _ => best,
     }
+}
+
+/// The data of a PWM whose edges are simulated, with a timer that takes the duty at the other time if that has very strong
+/// evidence, and the fit.
+fn as_switched(data: Dataset, prior: &Prior, found: Fit) -> (Dataset, Fit) {
+    let latch = if data.origin.latch == Latch::AtOnce { Latch::WithPeriod } else { Latch::AtOnce };
+    if fit(&found.model, &data.with_latch(latch), prior, Effort::NONE).cost > NEAR * found.cost {
+        return (data, found);
+    }
+    let (other, better) = as_latched(&data, prior, &found.model, latch);
+    let shows = evidence_nats(&data, &found, &better) > VERY_STRONG_NATS;
+    if shows { (other, better) } else { (data, found) }
 }
 
 /// The data of a PWM whose edges are simulated with each current a mean over a part of the period, if that is not known and
@@ -144,21 +167,37 @@ fn polished(data: &Dataset, prior: &Prior, found: Fit) -> (Dataset, Fit) {
     fit_with_items(data, prior, found, &items)
 }
 
-/// The phase of a slow PWM with very strong evidence.
-fn by_commands(data: &Dataset, prior: &Prior, models: &[Model]) -> Option<f64> {
-    let excerpt = data.excerpt(EXCERPT_S);
-    let way = likeliest(&excerpt, prior, models, None)?;
-    let explains = way.found.cost < way.mean.cost && evidence_nats(&excerpt, &way.mean, &way.found) > least_nats(data);
-    if explains { in_everything(data, prior, &way, None) } else { None }
+/// The data of a slow PWM in the phase that the commands show with very strong evidence.
+fn by_commands(data: &Dataset, prior: &Prior, models: &[Model]) -> Option<Dataset> {
+    let ways = ways_to_read(data).into_iter().filter_map(|read| {
+        let excerpt = read.excerpt(EXCERPT_S);
+        let way = likeliest(&excerpt, prior, models, None)?;
+        let explains =
+            way.found.cost < way.mean.cost && evidence_nats(&excerpt, &way.mean, &way.found) > least_nats(&read);
+        let (phase, cost) = if explains { in_everything(&read, prior, &way, None)? } else { return None };
+        Some((read.with_pwm_phase(Some(phase)), way.found.model, cost))
+    });
+    let (read, model, _) = ways.min_by(|a, b| a.2.total_cmp(&b.2))?;
+    Some(in_step(&read, prior, &model).1)
 }
 
-/// The phase of a slow PWM. It shows in a few commands alone, so everything decides.
-fn in_everything(data: &Dataset, prior: &Prior, way: &Way, near: Option<f64>) -> Option<f64> {
+/// The data of a slow PWM with each current read at one instant, and as a mean over a period, if neither is known. Such a
+/// mean has no ripple that would show the phase.
+fn ways_to_read(data: &Dataset) -> Vec<Dataset> {
+    if !data.is_pwm_slow() {
+        return Vec::new();
+    }
+    let is_open = data.reads_instants() && data.origin.current_window_s == 0.0;
+    let mean = is_open.then(|| data.clone().with_current_averaged(1.0 / data.origin.pwm_hz));
+    std::iter::once(data.clone()).chain(mean).collect()
+}
+
+/// The phase of a slow PWM, and the cost with it. It shows in a few commands alone, so everything decides.
+fn in_everything(data: &Dataset, prior: &Prior, way: &Way, near: Option<f64>) -> Option<(f64, f64)> {
     let whole = Way::new(data, prior, &way.found.model, near)?;
     let as_before = fit(&way.found.model, &data.with_pwm_phase(Some(way.phase)), prior, Effort::TRIAL).cost;
-    let (phase, cost) =
-        if as_before < whole.found.cost { (way.phase, as_before) } else { (whole.phase, whole.found.cost) };
-    (cost < whole.mean.cost).then_some(phase)
+    let best = if as_before < whole.found.cost { (way.phase, as_before) } else { (whole.phase, whole.found.cost) };
+    (best.1 < whole.mean.cost).then_some(best)
 }
 
 /// Sets the phase that a ripple shows beside the effects that were found, or that of a slow PWM, if there is very strong
@@ -180,9 +219,8 @@ pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {
     if data.origin.timing.current_sampled_at.is_some() {
         return false;
     }
-    // Above the noise, a ripple may have been hidden by what the nominal motor lacks.
+    // It may have been hidden by what the nominal motor lacks. Rows see a ripple as noise, so the noise does not tell.
     if data.reads_instants()
-        && above_floor(data, found) > NOT_NOISE
         && let Some(other) = by_ripple(data, prior, std::slice::from_ref(&found.model), found)
     {
         *data = other;
@@ -194,14 +232,18 @@ pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {
         *data = other;
         return true;
     }
-    let found_in = |phase: f64| fit(&found.model, &data.with_pwm_phase(Some(phase)), prior, Effort::TRIAL);
-    let way = if data.is_pwm_slow() { Way::new(data, prior, &found.model, None) } else { None };
-    let phase = way.map(|way| way.phase).filter(|phase| {
-        let other = found_in(*phase);
-        other.cost < found.cost && evidence_nats(data, found, &other) > least_nats(data)
-    });
-    data.origin.pwm_phase = phase;
-    phase.is_some()
+    let in_phase = |read: Dataset| {
+        let phase = Way::new(&read, prior, &found.model, None)?.phase;
+        let other = read.with_pwm_phase(Some(phase));
+        let better = fit(&found.model, &other, prior, Effort::TRIAL);
+        Some((other, better))
+    };
+    let ways = ways_to_read(data).into_iter().filter_map(in_phase);
+    let best = ways.min_by(|a, b| a.1.cost.total_cmp(&b.1.cost));
+    let shows = |better: &Fit| better.cost < found.cost && evidence_nats(data, found, better) > least_nats(data);
+    let Some((other, _)) = best.filter(|(_, better)| shows(better)) else { return false };
+    *data = other;
+    true
 }
 
 /// Whether a phase that a ripple showed has very strong evidence beside the effects that were found with it. Rows in step
@@ -223,9 +265,12 @@ fn phases(data: &Dataset) -> usize {
     if data.is_pwm_slow() { PHASES_OF_SLOW } else { PHASES }
 }
 
+/// With the model that explains most without a phase: a bridge shows in the means as well.
 fn likeliest(data: &Dataset, prior: &Prior, models: &[Model], near: Option<f64>) -> Option<Way> {
-    let ways = models.into_par_iter().filter_map(|model| Way::new(data, prior, model, near));
-    ways.min_by(|a, b| a.found.cost.total_cmp(&b.found.cost))
+    let unknown = data.with_pwm_phase(None);
+    let means = models.into_par_iter().map(|model| fit(model, &unknown, prior, Effort::TRIAL));
+    let mean = means.min_by(|a, b| a.cost.total_cmp(&b.cost))?;
+    Way::beside(mean, data, prior, near)
 }
 
 /// A model that reads the mean over a period, and one that reads in its best phase.
@@ -238,7 +283,10 @@ struct Way {
 impl Way {
     /// The phase is sought everywhere, or `near` one.
     fn new(data: &Dataset, prior: &Prior, model: &Model, near: Option<f64>) -> Option<Self> {
-        let mean = fit(model, &data.with_pwm_phase(None), prior, Effort::TRIAL);
+        Self::beside(fit(model, &data.with_pwm_phase(None), prior, Effort::TRIAL), data, prior, near)
+    }
+
+    fn beside(mean: Fit, data: &Dataset, prior: &Prior, near: Option<f64>) -> Option<Self> {
         let in_phase = |phase: f64, model: &Model, effort: Effort| -> (f64, Fit) {
             let phase = phase.rem_euclid(1.0);
             (phase, fit(model, &data.with_pwm_phase(Some(phase)), prior, effort))

@@ -156,12 +156,13 @@ impl Search for VoltageDrop {
         laws
     }
 
-    /// A drop at every moment, another one with another slope in the off phase, and another one on the way back.
+    /// A drop at every moment, another one with another slope in the off phase, and another one on the way back. A knee is
+    /// another law and no step towards these: a fit may have taken it for what they explain.
     fn refined_laws(&self, values: &[f64], _scales: &Scales) -> Vec<Vec<f64>> {
         let with = |[off_share, off_ohm, return_share, junctions_v]: [f64; 4]| {
             vec![values[0], 0.0, off_share * values[0], off_ohm, return_share * values[0], junctions_v]
         };
-        match values[1..] == [0.0; 5] {
+        match values[2..] == [0.0; 4] {
             true => OTHER_PATHS.map(with).to_vec(),
             false => Vec::new(),
         }

@@ -182,15 +182,19 @@ impl Chooser<'_> {
     /// coasts.
     pub(super) fn beside_nominal(&self, found: &Fit) -> Option<Fit> {
         let scales = scales(&self.prior.motor, self.data);
-        let mut nominal = Model { motor: self.prior.motor, terms: found.model.terms.clone() };
-        nominal.terms.retain(|term| term.effect.about().acts_on != [ActsOn::Voltage]);
+        let others = found.model.terms.iter().filter(|term| term.effect.about().acts_on != [ActsOn::Voltage]);
+        // As large beside this motor as they were beside the other one.
+        let factor = self.prior.motor.torque_constant_nm_per_a / found.model.motor.torque_constant_nm_per_a;
+        let terms = others.map(|term| term.with_voltages_scaled(factor)).collect();
+        let nominal = Model { motor: self.prior.motor, terms };
         let changed = self.with_global_effects(&nominal, &scales);
         let of_the_bridge = self.usual().filter(|effect| effect.about().acts_on == [ActsOn::Voltage]);
         let besides: Vec<Model> = of_the_bridge
             .flat_map(|effect| changed.iter().map(move |model| model.with_start(effect, &scales)))
             .collect();
-        let fits = changed.into_iter().chain(besides).collect::<Vec<_>>().into_par_iter();
-        fits.map(|model| self.fits.fit(&model, Effort::FULL)).min_by(|a, b| a.cost.total_cmp(&b.cost))
+        let models = changed.into_iter().chain(besides).collect::<Vec<_>>().into_par_iter();
+        let fits: Vec<Fit> = models.map(|model| self.fits.fit(&model, Effort::FULL)).collect();
+        fits.into_iter().min_by(|a, b| self.rank(a).partial_cmp(&self.rank(b)).expect("costs are finite"))
     }
 
     /// An effect that fits any course over time and still leaves more than noise: a change at some moment is the first
