@@ -358,6 +358,8 @@ pub(crate) mod select {
     pub const NEAR: f64 = 10.0;
     /// Up to this multiple of the noise floor a rest may come from the simplifications of the laws.
     pub const SMALL_REST: f64 = 2.0;
+    /// A drop of half the supply, less a tenth for the uncertainty of a fit.
+    pub const HALF_SUPPLY: f64 = 0.45;
 }
 
 /// [`crate::diagnose::select::backward`].

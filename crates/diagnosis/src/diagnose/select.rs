@@ -8,7 +8,7 @@ mod winding;
 use super::data_sheet::{doubts, has_wrong_values, is_implausible};
 use super::judge::{AS_GOOD, Gain, NOT_NOISE, VERY_STRONG_NATS, above_floor, evidence_nats, gain};
 use super::{another_part, bad_stretches, lateness, laws};
-use crate::configuration::diagnose::select::{LEAST_SHARE, LEAST_SIGMAS, MOST_EFFECTS, SAME_SHARE, SAME_SIGMAS};
+use crate::configuration::diagnose::select::{HALF_SUPPLY, LEAST_SHARE, LEAST_SIGMAS, MOST_EFFECTS, SAME_SHARE, SAME_SIGMAS};
 pub(super) use crate::configuration::diagnose::select::{NEAR, SMALL_REST};
 use crate::dataset::Dataset;
 use crate::free_run::{Steps, drive, longest_step_s, read};
@@ -135,18 +135,27 @@ impl Chooser<'_> {
 
     /// A way that ends with a plausible motor, if there is one beside the effects found.
     fn or_beside_nominal(&self, way: Way) -> Way {
-        let other = if self.is_implausible(&way.0) { self.beside_nominal(&way.0) } else { None };
-        let Some(other) = other else { return way };
+        if !self.is_implausible(&way.0) && !self.may_coast_instead(&way.0) {
+            return way;
+        }
+        let Some(other) = self.beside_nominal(&way.0) else { return way };
         let step = Step::new(&way.0, &other, self.gain(&way.0, &other));
         let steps = [&way.1[..], &[step]].concat();
         self.better(way, (other, steps))
+    }
+
+    /// Whether a drop takes half the supply. A bridge that coasts leaves `(2 duty - 1)` of the supply, less its own drop: so does
+    /// one that drops half of it before a motor of half the size.
+    fn may_coast_instead(&self, found: &Fit) -> bool {
+        let supply_v = scales(&found.model.motor, self.data).supply_v;
+        found.model.dry_losses().bridge_drop_v > HALF_SUPPLY * supply_v
     }
 
     /// A way to its end, with the effects that have evidence of their own.
     fn finished(&self, base: &Fit, (found, steps): Way) -> Selection {
         (self.progress)("to the end");
         let widest = self.replace_excessive_inductance(self.to_the_end(found));
-        let (widest, steps) = self.refined(widest, steps);
+        let (widest, steps) = self.or_beside_nominal(self.refined(widest, steps));
         let (last, standings) = self.backward(widest.clone());
         Selection { base: base.clone(), steps, widest, last, standings }
     }

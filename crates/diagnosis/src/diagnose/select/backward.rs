@@ -127,8 +127,9 @@ impl Chooser<'_> {
         };
         let nats = evidence_nats(self.data, &without, current);
         let term = current.model.term(id).expect("one of its own terms");
-        // Hardly any bench is without the usual effects: for them very strong evidence suffices, of the data and the data
-        // sheet together.
+        // Hardly any bench is without the usual effects, and many switch a bridge at its enable pin: for them very strong
+        // evidence suffices, of the data and the data sheet together.
+        let is_usual = USUAL.contains(&id) || term.effect.about().changes_everything;
         let is_named = stands
             && !term.effect.is_a_scale(&term.values, &scales(&current.model.motor, self.data))
             && !self.spoils(&own)
@@ -136,7 +137,7 @@ impl Chooser<'_> {
                 || keeps_the_winding()
                 || has_evidence(&own) && own.sigmas > NAMED_SIGMAS
                 || names_by_evidence(&own, nats)
-                || USUAL.contains(&id)
+                || is_usual
                     && (own.share > LEAST_SHARE || moves_the_motor(current, &without))
                     && nats + 0.5 * more_deviation > VERY_STRONG_NATS
                 || is_very_strong(nats) && self.names_with_other_parts(&own, &without, current, nats))
@@ -147,7 +148,7 @@ impl Chooser<'_> {
 
     /// Whether the evidence names an effect once every part of the data has been held out in turn: what acts in a few moments
     /// alone, such as a sag at a high current, may hardly show in one part.
-    fn names_with_other_parts(&self, own: &Gain, without: &Fit, current: &Fit, nats: f64) -> bool {
+    pub(super) fn names_with_other_parts(&self, own: &Gain, without: &Fit, current: &Fit, nats: f64) -> bool {
         if own.sigmas <= 0.0 {
             return false;
         }

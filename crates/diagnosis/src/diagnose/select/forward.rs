@@ -1,7 +1,7 @@
 //! Forward: fits the candidates in free run and adds those with evidence.
 
 use super::backward::names_by_evidence;
-use super::{Chooser, Gain, MOST_EFFECTS, Step, Way, has_evidence};
+use super::{Chooser, Gain, MOST_EFFECTS, Step, Way, has_evidence, is_very_strong};
 use crate::configuration::diagnose::select_forward::{
     AT_A_TIME, LEAST_COST_WITHOUT_EVIDENCE, MOST_WITHOUT_EVIDENCE, NEARLY_AS_PROMISING, NOT_THERE_YET, TRIED,
     TRIED_SHARE,
@@ -9,7 +9,7 @@ use crate::configuration::diagnose::select_forward::{
 use crate::diagnose::judge::{NOT_NOISE, above_floor, above_noise, evidence_nats};
 use crate::identify::{Effort, Fit, scales};
 use maybe_rayon::prelude::*;
-use motorbench_model::catalogue::{ActsOn, CATALOGUE, Effect, Scales, USUAL};
+use motorbench_model::catalogue::{ActsOn, Alone, CATALOGUE, Effect, Scales, USUAL};
 use motorbench_model::{Model, Term};
 
 /// The rule for the next effect.
@@ -41,6 +41,9 @@ impl Chooser<'_> {
             {
                 *best = self.fits.fit(&best.model, Effort::FULL);
                 chosen = significant(&fits[..1]);
+            }
+            if chosen.is_none() && lead == Lead::Significance {
+                chosen = self.first_in_other_parts(&current, &fits);
             }
             if chosen.is_none() && above_floor(self.data, &current) > NOT_NOISE {
                 fits.extend(self.at_breakaway(&current));
@@ -106,6 +109,15 @@ impl Chooser<'_> {
         let gains = fits.iter().map(|fit| (self.gain(current, fit), evidence_nats(self.data, current, fit)));
         let (index, (gain, _)) = gains.enumerate().find(|(_, (gain, nats))| names_by_evidence(gain, *nats))?;
         Some((index, gain))
+    }
+
+    /// What acts in a few moments alone may hardly show in the part that is held out.
+    fn first_in_other_parts(&self, current: &Fit, fits: &[Fit]) -> Option<(usize, Gain)> {
+        let gains = fits.iter().map(|fit| (fit, self.gain(current, fit), evidence_nats(self.data, current, fit)));
+        let named = |(_, (fit, own, nats)): &(usize, (&Fit, Gain, f64))| {
+            is_very_strong(*nats) && self.names_with_other_parts(own, current, fit, *nats)
+        };
+        gains.enumerate().find(named).map(|(index, (_, own, _))| (index, own))
     }
 
     /// Fits from the nominal motor, with effects of which the linear fit leaves no trace. Also with the two effects of
@@ -177,16 +189,17 @@ impl Chooser<'_> {
         fits
     }
 
-    /// The effects found, beside the nominal motor, with an effect that changes the whole motion in place of those of
-    /// the voltage, with or without a usual drop. A large drop and a motor of half the size resemble a bridge that
-    /// coasts.
+    /// The effects found, beside the nominal motor, with an effect that changes the whole motion in place of a drop, and
+    /// beside a usual one. A large drop and a motor of half the size resemble a bridge that coasts.
     pub(super) fn beside_nominal(&self, found: &Fit) -> Option<Fit> {
         let scales = scales(&self.prior.motor, self.data);
-        let others = found.model.terms.iter().filter(|term| term.effect.about().acts_on != [ActsOn::Voltage]);
+        let others = found.model.terms.iter().filter(|term| term.dry_losses().bridge_drop_v == 0.0);
         // As large beside this motor as they were beside the other one.
         let factor = self.prior.motor.torque_constant_nm_per_a / found.model.motor.torque_constant_nm_per_a;
         let terms = others.map(|term| term.with_voltages_scaled(factor)).collect();
-        let nominal = Model { motor: self.prior.motor, terms };
+        let mut nominal = Model { motor: self.prior.motor, terms };
+        let with_drop = nominal.clone();
+        nominal.terms.retain(|term| with_drop.alone(term.effect) != Some(Alone::Never));
         let changed = self.with_global_effects(&nominal, &scales);
         let of_the_bridge = self.usual().filter(|effect| effect.about().acts_on == [ActsOn::Voltage]);
         let besides: Vec<Model> = of_the_bridge
