@@ -42,17 +42,18 @@ impl Chooser<'_> {
                 *best = self.fits.fit(&best.model, Effort::FULL);
                 chosen = significant(&fits[..1]);
             }
-            if chosen.is_none() && lead == Lead::Significance {
+            let has_rest = above_floor(self.data, &current) > NOT_NOISE;
+            if chosen.is_none() && lead == Lead::Significance && !has_rest {
                 chosen = self.first_in_other_parts(&current, &fits);
             }
-            if chosen.is_none() && above_floor(self.data, &current) > NOT_NOISE {
+            if chosen.is_none() && has_rest {
                 fits.extend(self.at_breakaway(&current));
                 fits.sort_by(|a, b| a.cost.total_cmp(&b.cost));
                 chosen = significant(&fits);
             }
             if chosen.is_none()
                 && (ahead < MOST_WITHOUT_EVIDENCE || lead == Lead::Cost)
-                && above_floor(self.data, &current) > NOT_NOISE
+                && has_rest
             {
                 ahead += 1;
                 let best = fits.first().filter(|best| best.cost < LEAST_COST_WITHOUT_EVIDENCE * current.cost);
@@ -111,7 +112,7 @@ impl Chooser<'_> {
         Some((index, gain))
     }
 
-    /// What acts in a few moments alone may hardly show in the part that is held out.
+    /// What acts in a few moments alone may hardly show in the part that is held out, nor in the mean of what is left.
     fn first_in_other_parts(&self, current: &Fit, fits: &[Fit]) -> Option<(usize, Gain)> {
         let gains = fits.iter().map(|fit| (fit, self.gain(current, fit), evidence_nats(self.data, current, fit)));
         let named = |(_, (fit, own, nats)): &(usize, (&Fit, Gain, f64))| {
