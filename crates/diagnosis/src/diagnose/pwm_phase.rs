@@ -46,10 +46,13 @@ fn by_ripple(data: &Dataset, prior: &Prior, models: &[Model], mean: &Fit) -> Opt
         let way = likeliest(&other.excerpt(EXCERPT_S), prior, models, near)
             .filter(|way| way.found.cost <= AS_GOOD * way.mean.cost)?;
         let phase = if other.is_pwm_slow() { in_everything(&other, prior, &way, near)?.0 } else { way.phase };
-        Some(in_step(&other.with_pwm_phase(Some(phase)), prior, &way.found.model))
+        let (found, other) = in_step(&other.with_pwm_phase(Some(phase)), prior, &way.found.model);
+        Some((found, other, ripple.nats))
     });
-    let (found, other) = ways.min_by(|a, b| a.0.cost.total_cmp(&b.0.cost))?;
-    let shows = evidence_nats(data, mean, &found) > least_nats(&other);
+    let (found, other, line_nats) = ways.min_by(|a, b| a.0.cost.total_cmp(&b.0.cost))?;
+    // What the models lack besides does not hide a line in the spectrum.
+    let nats = evidence_nats(data, mean, &found).max(if found.cost < mean.cost { line_nats } else { 0.0 });
+    let shows = nats > least_nats(&other);
     shows.then(|| {
         let (other, found) = as_read(other, prior, found);
         other.with_instants_blurred(found.model.motor.inductance_h)

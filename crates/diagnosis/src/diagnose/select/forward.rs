@@ -51,10 +51,7 @@ impl Chooser<'_> {
                 fits.sort_by(|a, b| a.cost.total_cmp(&b.cost));
                 chosen = significant(&fits);
             }
-            if chosen.is_none()
-                && (ahead < MOST_WITHOUT_EVIDENCE || lead == Lead::Cost)
-                && has_rest
-            {
+            if chosen.is_none() && (ahead < MOST_WITHOUT_EVIDENCE || lead == Lead::Cost) && has_rest {
                 ahead += 1;
                 let best = fits.first().filter(|best| best.cost < LEAST_COST_WITHOUT_EVIDENCE * current.cost);
                 chosen = best.map(|best| (0, self.gain(&current, best)));
@@ -198,17 +195,18 @@ impl Chooser<'_> {
         // As large beside this motor as they were beside the other one.
         let factor = self.prior.motor.torque_constant_nm_per_a / found.model.motor.torque_constant_nm_per_a;
         let terms = others.map(|term| term.with_voltages_scaled(factor)).collect();
-        let mut nominal = Model { motor: self.prior.motor, terms };
-        let with_drop = nominal.clone();
-        nominal.terms.retain(|term| with_drop.alone(term.effect) != Some(Alone::Never));
+        let without_drop = Model { motor: self.prior.motor, terms };
+        let mut nominal = without_drop.clone();
+        nominal.terms.retain(|term| without_drop.alone(term.effect) != Some(Alone::Never));
         let changed = self.with_global_effects(&nominal, &scales);
         let of_the_bridge = self.usual().filter(|effect| effect.about().acts_on == [ActsOn::Voltage]);
         let besides: Vec<Model> = of_the_bridge
             .flat_map(|effect| changed.iter().map(move |model| model.with_start(effect, &scales)))
             .collect();
         let models = changed.into_iter().chain(besides).collect::<Vec<_>>().into_par_iter();
-        let fits: Vec<Fit> = models.map(|model| self.fits.fit(&model, Effort::FULL)).collect();
-        fits.into_iter().min_by(|a, b| self.rank(a).partial_cmp(&self.rank(b)).expect("costs are finite"))
+        let ranked = models.map(|model| self.fits.fit(&model, Effort::FULL)).map(|fit| (self.rank(&fit), fit));
+        let best = ranked.min_by(|a, b| a.0.partial_cmp(&b.0).expect("costs are finite"));
+        best.map(|(_, fit)| fit)
     }
 
     /// An effect that fits any course over time and still leaves more than noise: a change at some moment is the first
