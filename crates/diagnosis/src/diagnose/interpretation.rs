@@ -166,8 +166,9 @@ fn best_interpretation(
 
 /// Settings that the rig file leaves open, in the order in which they are estimated from the current fit. Each returns
 /// whether it changed the data.
-const SETTLED_IN_TURN: [fn(&mut Dataset, &Prior, &Fit) -> bool; 13] = [
+const SETTLED_IN_TURN: [fn(&mut Dataset, &Prior, &Fit) -> bool; 14] = [
     pwm_phase::settle,
+    pwm_phase::settle_timer,
     command_times::settle,
     command_times::settle_smooth,
     |data, _, found| counter_stops::settle(data, found),

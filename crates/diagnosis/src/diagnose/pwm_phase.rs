@@ -46,7 +46,7 @@ fn by_ripple(data: &Dataset, prior: &Prior, models: &[Model], mean: &Fit) -> Opt
         let way = likeliest(&other.excerpt(EXCERPT_S), prior, models, near)
             .filter(|way| way.found.cost <= AS_GOOD * way.mean.cost)?;
         let phase = if other.is_pwm_slow() { in_everything(&other, prior, &way, near)?.0 } else { way.phase };
-        let (found, other) = in_step(&other.with_pwm_phase(Some(phase)), prior, &way.found.model);
+        let (other, found) = in_step(&other.with_pwm_phase(Some(phase)), prior, &way.found.model);
         Some((found, other, ripple.nats))
     });
     let (found, other, line_nats) = ways.min_by(|a, b| a.0.cost.total_cmp(&b.0.cost))?;
@@ -59,25 +59,10 @@ fn by_ripple(data: &Dataset, prior: &Prior, models: &[Model], mean: &Fit) -> Opt
     })
 }
 
-/// The data of a PWM whose edges are simulated, with the duty taken as the readings show it, and the fit.
-fn in_step(data: &Dataset, prior: &Prior, model: &Model) -> (Fit, Dataset) {
-    let (other, found) = as_latched(data, prior, model, Latch::WithPeriod);
-    if !data.is_pwm_slow() {
-        return (found, other);
-    }
-    let (at_once, prompt) = as_latched(data, prior, model, Latch::AtOnce);
-    // The timers of such boards wait for the next period (ATmega328P data sheet, 15.7 and 16.9).
-    match evidence_nats(&other, &found, &prompt) > VERY_STRONG_NATS {
-        true => (prompt, at_once),
-        false => (found, other),
-    }
-}
-
-/// The data with a timer that takes a new duty at such a time, in the phase with which a model fits best, and the fit.
-fn as_latched(data: &Dataset, prior: &Prior, model: &Model, latch: Latch) -> (Dataset, Fit) {
-    let other = data.with_latch(latch);
-    let found = fit(model, &other, prior, Effort::TRIAL);
-    let (other, found) = polished(&other, prior, found);
+/// The data in the phase with which a model fits best, and the fit. What the first models lack may speak for any timer, so
+/// that is left to the effects: most wait for the next period.
+fn in_step(data: &Dataset, prior: &Prior, model: &Model) -> (Dataset, Fit) {
+    let (other, found) = polished(data, prior, fit(model, data, prior, Effort::TRIAL));
     // As an instant, a mean over a part of a period may agree best with another timer.
     over_a_window(other, prior, found)
 }
@@ -87,7 +72,7 @@ fn as_latched(data: &Dataset, prior: &Prior, model: &Model, latch: Latch) -> (Da
 fn as_read(data: Dataset, prior: &Prior, found: Fit) -> (Dataset, Fit) {
     let mut best = (data, found);
     if best.0.is_switched() {
-        return as_switched(best.0, prior, best.1);
+        return best;
     }
     if best.0.origin.current_filter_s == 0.0 {
         let filtered = best.0.clone().with_current_filtered(FIRST_FILTER / best.0.origin.pwm_hz);
@@ -101,18 +86,6 @@ fn as_read(data: Dataset, prior: &Prior, found: Fit) -> (Dataset, Fit) {
         Some((other, found)) if found.cost < best.1.cost => (other, found),
         _ => best,
     }
-}
-
-/// The data of a PWM whose edges are simulated, with a timer that takes the duty at the other time if that has very strong
-/// evidence, and the fit.
-fn as_switched(data: Dataset, prior: &Prior, found: Fit) -> (Dataset, Fit) {
-    let latch = if data.origin.latch == Latch::AtOnce { Latch::WithPeriod } else { Latch::AtOnce };
-    if fit(&found.model, &data.with_latch(latch), prior, Effort::NONE).cost > NEAR * found.cost {
-        return (data, found);
-    }
-    let (other, better) = as_latched(&data, prior, &found.model, latch);
-    let shows = evidence_nats(&data, &found, &better) > VERY_STRONG_NATS;
-    if shows { (other, better) } else { (data, found) }
 }
 
 /// The data of a PWM whose edges are simulated with each current a mean over a part of the period, if that is not known and
@@ -181,7 +154,7 @@ fn by_commands(data: &Dataset, prior: &Prior, models: &[Model]) -> Option<Datase
         Some((read.with_pwm_phase(Some(phase)), way.found.model, cost))
     });
     let (read, model, _) = ways.min_by(|a, b| a.2.total_cmp(&b.2))?;
-    Some(in_step(&read, prior, &model).1)
+    Some(in_step(&read, prior, &model).0)
 }
 
 /// The data of a slow PWM with each current read at one instant, and as a mean over a period, if neither is known. Such a
@@ -211,6 +184,7 @@ pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {
             return false;
         }
         let (other, better) = polished(data, prior, found.clone());
+        let (other, better) = in_any_phase(other, prior, better);
         let (other, better) = over_a_window(other, prior, better);
         let (other, better) = as_read(other, prior, better);
         let gains = evidence_nats(data, found, &better) > VERY_STRONG_NATS;
@@ -247,6 +221,36 @@ pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {
     let Some((other, _)) = best.filter(|(_, better)| shows(better)) else { return false };
     *data = other;
     true
+}
+
+/// The data of a PWM whose edges are simulated in whichever phase fits best, and the fit. Commands make several phases locally
+/// best, and models that lacked much may have led to the wrong one.
+fn in_any_phase(data: Dataset, prior: &Prior, found: Fit) -> (Dataset, Fit) {
+    let way = if data.is_switched() { Way::beside(found.clone(), &data, prior, None) } else { None };
+    let Some(way) = way.filter(|way| way.found.cost < found.cost) else { return (data, found) };
+    polished(&data.with_pwm_phase(Some(way.phase)), prior, way.found)
+}
+
+/// Lets a timer whose edges are simulated take a duty at the other time, if that has very strong evidence beside the effects
+/// that were found. What a model lacks may speak for any timer. Returns whether it does.
+pub(super) fn settle_timer(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {
+    if !data.is_switched() || !data.is_one_recording() {
+        return false;
+    }
+    let latch = if data.origin.latch == Latch::AtOnce { Latch::WithPeriod } else { Latch::AtOnce };
+    let other = data.with_latch(latch);
+    let first = fit(&found.model, &other, prior, Effort::NONE);
+    if first.cost > NEAR * found.cost {
+        return false;
+    }
+    // What acts earlier agrees in another phase.
+    let Some(way) = Way::beside(first, &other, prior, None) else { return false };
+    let (other, better) = in_step(&other.with_pwm_phase(Some(way.phase)), prior, &way.found.model);
+    let shows = evidence_nats(data, found, &better) > VERY_STRONG_NATS;
+    if shows {
+        *data = other;
+    }
+    shows
 }
 
 /// Whether a phase that a ripple showed has very strong evidence beside the effects that were found with it. Rows in step
