@@ -383,6 +383,9 @@ pub(crate) mod select_backward {
     /// An effect that raises the error of one quantity by this factor beyond the noise explains another quantity at its
     /// cost.
     pub const SPOILT: f64 = 1.5;
+    /// No law of a bridge's transistors follows them more closely than to some percent of their drop: typical and greatest
+    /// values differ by a third (ST L293D data sheet), and they change with the temperature.
+    pub const LEAST_OF_DRY_LOSSES: f64 = 0.03;
     /// Number of rivals fitted in place of an effect. Beside the best, only those that promise this share of its gain.
     pub const RIVALS: usize = 3;
     pub const RIVAL_SHARE: f64 = 0.7;

@@ -6,15 +6,16 @@ use super::{
 };
 pub(in crate::diagnose) use crate::configuration::diagnose::select_backward::NAMED_SIGMAS;
 use crate::configuration::diagnose::select_backward::{
-    ALONE_SIGMAS, CONFIRMED_SIGMAS, GAINED_BY_ANY, IMPLAUSIBLE_SQUARES, LEFT_BY_ANY, MATTERS_SHARE, MOVES_A_CONSTANT,
-    OTHER_LAW_SIGMAS, OTHER_NUMBERS, RIVAL_SHARE, RIVALS, SPOILT,
+    ALONE_SIGMAS, CONFIRMED_SIGMAS, GAINED_BY_ANY, IMPLAUSIBLE_SQUARES, LEAST_OF_DRY_LOSSES, LEFT_BY_ANY,
+    MATTERS_SHARE, MOVES_A_CONSTANT, OTHER_LAW_SIGMAS, OTHER_NUMBERS, RIVAL_SHARE, RIVALS, SPOILT,
 };
 use crate::dataset::{Dataset, Measured};
 use crate::diagnose::data_sheet::squared_deviations;
 use crate::diagnose::judge::{NOT_NOISE, VERY_STRONG_NATS, evidence_nats};
 use crate::identify::{Effort, Fit, fit, scales};
 use maybe_rayon::prelude::*;
-use motorbench_model::catalogue::{Alone, CATALOGUE, Effect, INDUCTANCE, Parameter, USUAL, effect};
+use motorbench_model::catalogue::{Alone, CATALOGUE, DryLosses, Effect, INDUCTANCE, Parameter, USUAL, effect};
+use motorbench_model::motor::MotorParameters;
 use motorbench_model::{Model, Term};
 
 /// Whether the evidence of the seen data names an effect that the held-out data confirm, however few blocks of them it shows
@@ -132,6 +133,7 @@ impl Chooser<'_> {
         let is_usual = USUAL.contains(&id) || term.effect.about().changes_everything;
         let is_named = stands
             && !term.effect.is_a_scale(&term.values, &scales(&current.model.motor, self.data))
+            && !self.is_lost_in_dry_losses(&current.model, term)
             && !self.spoils(&own)
             && (keeps_the_motor
                 || keeps_the_winding()
@@ -193,6 +195,18 @@ impl Chooser<'_> {
             Some(self.fits.fit(&model, Effort::CHECK))
         });
         taken_over.fold(without, |best, other| if other.cost < best.cost { other } else { best })
+    }
+
+    /// Whether a friction or a drop is so small a part of all that is lost at any speed and current that it may be what the law
+    /// of the others leaves out.
+    fn is_lost_in_dry_losses(&self, model: &Model, term: &Term) -> bool {
+        let MotorParameters { resistance_ohm, torque_constant_nm_per_a, .. } = model.motor;
+        let volts = |losses: DryLosses| {
+            let friction_nm = 0.5 * (losses.friction_forward_nm + losses.friction_reverse_nm);
+            friction_nm * resistance_ohm / torque_constant_nm_per_a + losses.bridge_drop_v
+        };
+        let own_v = volts(term.dry_losses());
+        self.data.axis.drive.is_voltage() && own_v > 0.0 && own_v < LEAST_OF_DRY_LOSSES * volts(model.dry_losses())
     }
 
     /// Whether an effect explains one quantity at the cost of another.
