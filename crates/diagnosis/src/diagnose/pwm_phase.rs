@@ -46,7 +46,7 @@ fn by_ripple(data: &Dataset, prior: &Prior, models: &[Model], mean: &Fit) -> Opt
         let way = likeliest(&other.excerpt(EXCERPT_S), prior, models, near)
             .filter(|way| way.found.cost <= AS_GOOD * way.mean.cost)?;
         let phase = if other.is_pwm_slow() { in_everything(&other, prior, &way, near)?.0 } else { way.phase };
-        let (other, found) = in_step(&other.with_pwm_phase(Some(phase)), prior, &way.found.model);
+        let (other, found) = by_either_timer(&other.with_pwm_phase(Some(phase)), prior, &way.found.model);
         Some((found, other, ripple.nats))
     });
     let (found, other, line_nats) = ways.min_by(|a, b| a.0.cost.total_cmp(&b.0.cost))?;
@@ -59,8 +59,19 @@ fn by_ripple(data: &Dataset, prior: &Prior, models: &[Model], mean: &Fit) -> Opt
     })
 }
 
-/// The data in the phase with which a model fits best, and the fit. What the first models lack may speak for any timer, so
-/// that is left to the effects: most wait for the next period.
+/// The data in the phase with which a model fits best, and the fit. A slow PWM takes a duty at once if that has very strong
+/// evidence: most timers wait for the next period.
+fn by_either_timer(data: &Dataset, prior: &Prior, model: &Model) -> (Dataset, Fit) {
+    let waiting = in_step(&data.with_latch(Latch::WithPeriod), prior, model);
+    if !data.is_pwm_slow() {
+        return waiting;
+    }
+    let prompt = in_step(&data.with_latch(Latch::AtOnce), prior, model);
+    let shows = evidence_nats(data, &waiting.1, &prompt.1) > VERY_STRONG_NATS;
+    if shows { prompt } else { waiting }
+}
+
+/// The same with the timer that the data have.
 fn in_step(data: &Dataset, prior: &Prior, model: &Model) -> (Dataset, Fit) {
     let (other, found) = polished(data, prior, fit(model, data, prior, Effort::TRIAL));
     // As an instant, a mean over a part of a period may agree best with another timer.
@@ -154,7 +165,7 @@ fn by_commands(data: &Dataset, prior: &Prior, models: &[Model]) -> Option<Datase
         Some((read.with_pwm_phase(Some(phase)), way.found.model, cost))
     });
     let (read, model, _) = ways.min_by(|a, b| a.2.total_cmp(&b.2))?;
-    Some(in_step(&read, prior, &model).0)
+    Some(by_either_timer(&read, prior, &model).0)
 }
 
 /// The data of a slow PWM with each current read at one instant, and as a mean over a period, if neither is known. Such a
