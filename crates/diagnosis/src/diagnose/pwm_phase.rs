@@ -283,12 +283,9 @@ fn phases(data: &Dataset) -> usize {
     if data.is_pwm_slow() { PHASES_OF_SLOW } else { PHASES }
 }
 
-/// With the model that explains most without a phase: a bridge shows in the means as well.
 fn likeliest(data: &Dataset, prior: &Prior, models: &[Model], near: Option<f64>) -> Option<Way> {
-    let unknown = data.with_pwm_phase(None);
-    let means = models.into_par_iter().map(|model| fit(model, &unknown, prior, Effort::TRIAL));
-    let mean = means.min_by(|a, b| a.cost.total_cmp(&b.cost))?;
-    Way::beside(mean, data, prior, near)
+    let ways = models.into_par_iter().filter_map(|model| Way::new(data, prior, model, near));
+    ways.min_by(|a, b| a.found.cost.total_cmp(&b.found.cost))
 }
 
 /// A model that reads the mean over a period, and one that reads in its best phase.
