@@ -110,22 +110,17 @@ fn main() {
     if let [command, kind, count, first, folder] = &arguments[..]
         && command == "files"
     {
-        let [count, first] = [count, first].map(|text| text.parse().expect("COUNT and SEED are numbers"));
+        let [count, first] = [count, first].map(|text| text.parse().unwrap_or_else(|_| usage()));
+        let kind = if is_kind(kind) { kind } else { usage() };
         return write_files(kind, first..first + count, Path::new(folder));
     }
-    let (Some(kind), Some(count)) = (arguments.first(), number(1)) else {
-        eprintln!("usage: trials KIND COUNT [FIRST_SEED], or trials files KIND COUNT FIRST_SEED FOLDER");
-        eprintln!("KIND: an effect, power, report, or one of");
-        for Kind { name, what, .. } in KINDS {
-            eprintln!("  {name:14} {what}");
-        }
-        std::process::exit(2);
-    };
+    let (Some(kind), Some(count)) = (arguments.first(), number(1)) else { usage() };
     let first = number(2).unwrap_or(1);
     let done = Done::of_this_program();
     match kind.as_str() {
         "power" => print!("{}", power(&done, count, first)),
         "report" => report(&done, count, first),
+        kind if !is_kind(kind) => usage(),
         kind => {
             let score = Score::of(&done, kind, count, first);
             for failure in &score.failures {
@@ -134,6 +129,21 @@ fn main() {
             print!("{HEAD}{}\n{BELIEFS}{}\n{ERRORS}{}", score.line(kind, ""), beliefs(&[&score]), errors(&[&score]));
         }
     }
+}
+
+fn is_kind(kind: &str) -> bool {
+    let mut effects = Effect::CATALOGUE.into_iter().chain(Effect::ASKED_FOR).chain(Effect::OUTSIDE);
+    KINDS.iter().any(|known| known.name == kind) || effects.any(|effect| effect.id() == kind)
+}
+
+/// Says how it is called, and ends.
+fn usage() -> ! {
+    eprintln!("usage: trials KIND COUNT [FIRST_SEED], or trials files KIND COUNT FIRST_SEED FOLDER");
+    eprintln!("KIND: an effect, power, report, or one of");
+    for Kind { name, what, .. } in KINDS {
+        eprintln!("  {name:14} {what}");
+    }
+    std::process::exit(2);
 }
 
 /// Writes the recording and the rig file of each bench into a folder of its own, `KIND-SEED`.

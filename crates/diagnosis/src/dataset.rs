@@ -23,6 +23,7 @@ mod held_rotor;
 mod late_readings;
 mod measured;
 mod mistakes;
+mod noise;
 mod notes;
 mod origin;
 mod otherwise;
@@ -34,7 +35,7 @@ mod thinned;
 mod turns;
 
 use columns::held;
-pub use columns::{NORMAL_MEDIAN, difference, greatest, median, noise, runs, spread};
+pub use columns::{NORMAL_MEDIAN, difference, greatest, median, runs, spread};
 pub use contradictions::{Contradiction, contradictions};
 pub use counter_stops::CounterStop;
 pub use edge_timing::{BetweenEdges, EdgeTiming};
@@ -43,6 +44,7 @@ pub use error::DatasetError;
 pub use held_rotor::HeldRotor;
 pub use late_readings::{LateCourse, LateReadings};
 pub use measured::{Measured, Output, TOLERANCE};
+pub use noise::{correlated_noise, noise};
 pub use origin::{Averaged, Latch, LimitedDuty, Origin, Pulse};
 pub use speed_window::Window;
 

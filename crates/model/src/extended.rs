@@ -49,11 +49,10 @@ impl Term {
         self.effect.dry_losses(&self.values)
     }
 
-    /// As large beside a motor all of whose voltages and torques are this many times as great.
-    pub fn with_voltages_scaled(&self, factor: f64) -> Self {
-        let power = |parameter: &Parameter| Quantity::Voltage.power(parameter.unit);
+    /// The same beside a motor with a quantity `factor` times as large, as [`Model::scaled`].
+    pub fn scaled(&self, quantity: Quantity, factor: f64) -> Self {
         let constants = self.effect.about().parameters.iter().zip(&self.values);
-        let values = constants.map(|(parameter, value)| value * factor.powf(power(parameter))).collect();
+        let values = constants.map(|(parameter, value)| value * factor.powf(quantity.power(parameter.unit))).collect();
         Self { effect: self.effect, values }
     }
 
@@ -255,11 +254,7 @@ impl Model {
             inertia_kg_m2: self.motor.inertia_kg_m2 * inertia,
             viscous_friction_nm_s: self.motor.viscous_friction_nm_s * viscous,
         };
-        let term = |term: &Term| {
-            let values = term.values.iter().zip(term.effect.about().parameters);
-            Term { values: values.map(|(value, constant)| value * times(constant.unit)).collect(), ..term.clone() }
-        };
-        Self { motor, terms: self.terms.iter().map(term).collect() }
+        Self { motor, terms: self.terms.iter().map(|term| term.scaled(quantity, factor)).collect() }
     }
 
     /// What of the inertia turns with the motor's own shaft.

@@ -185,6 +185,9 @@ pub(crate) mod measured {
     /// Speeds from row to row share a count with the next. Their scatter makes them seem noisier by this factor than
     /// counting does: the root of 7/4 comes from third differences of rounding, the rest from the whole numbers.
     pub const SHARED_COUNTS: f64 = 1.7;
+    /// The noise of a sensor is correlated for no longer than this: its low-pass is faster than what it is to show. What
+    /// moves a motor acts for longer.
+    pub const LONGEST_CORRELATION_S: f64 = 4e-3;
 }
 
 /// [`crate::dataset::mistakes`].
@@ -198,6 +201,15 @@ pub(crate) mod mistakes {
     /// A single row is impossible if it is this many times as fast as all but a hundredth of the rows.
     pub const IMPOSSIBLE: f64 = 3.0;
     pub const ALL_BUT: f64 = 0.01;
+}
+
+/// [`crate::dataset::noise`].
+pub(crate) mod noise {
+    /// Rows at different distances scatter alike within this factor: noise behind a low-pass does from two of its time
+    /// constants on. What is smooth scatters with the third power of the distance.
+    pub const SAME_SCATTER: f64 = 1.2;
+    /// Of white noise rows at all distances scatter alike, but for the chance of some hundred rows.
+    pub const NOT_WHITE: f64 = 1.05;
 }
 
 /// [`crate::dataset::pwm`].

@@ -33,21 +33,6 @@ pub(super) fn correlation(a: &[f64], b: &[f64]) -> f64 {
     sum(|a, b| a * b) / (sum(|a, _| a * a) * sum(|_, b| b * b)).sqrt().max(f64::MIN_POSITIVE)
 }
 
-/// Standard deviation of white noise on a smooth signal, from its third differences, which are nearly free of the signal.
-/// Robust against steps (median), and against a coarse rounding that leaves most differences at zero (trimmed mean square).
-pub fn noise(values: &[f64]) -> f64 {
-    let mut third: Vec<f64> =
-        values.windows(4).map(|w| (w[3] - 3.0 * w[2] + 3.0 * w[1] - w[0]).abs()).filter(|v| v.is_finite()).collect();
-    third.sort_unstable_by(f64::total_cmp);
-    let middle = third.get(third.len() / 2).copied().unwrap_or(0.0);
-    let kept = &third[..third.len() * 9 / 10];
-    let square = kept.iter().map(|value| value * value).sum::<f64>() / kept.len().max(1) as f64;
-    // 0.787: root mean square of a standard normal below its ninth decile;
-    // 20: sum of the squares of 1, 3, 3, 1.
-    let spread = (middle / NORMAL_MEDIAN).max(square.sqrt() / 0.787) / 20_f64.sqrt();
-    spread.max(1e-4 * greatest(values)).max(f64::MIN_POSITIVE)
-}
-
 /// Missing values take the last one that was there.
 pub(super) fn held(values: &[f64]) -> Vec<f64> {
     let first = values.iter().copied().find(|value| value.is_finite()).unwrap_or(0.0);

@@ -1,7 +1,8 @@
 //! A current sensor that is dead: its reading stands still while the motor is driven and turns.
 
-use super::columns::{correlation, greatest, mean, noise, width};
+use super::columns::{correlation, greatest, mean, width};
 use super::mistakes::about_mean;
+use super::noise::noise;
 use super::{Dataset, Measured, Output};
 use crate::configuration::dataset::dead_current::{FOLLOWS, MOST_STEPS, MOVES};
 use motorbench_text::terminal_text::short;

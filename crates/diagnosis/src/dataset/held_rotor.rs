@@ -4,7 +4,8 @@
 //! With an unplugged encoder nothing seems to turn either. Then the back-EMF reduces the current while the command is
 //! constant. With a held rotor the present command alone determines the current.
 
-use super::columns::{greatest, noise, spread};
+use super::columns::{greatest, spread};
+use super::noise::noise;
 use super::{Dataset, DatasetError, Output, Stretch};
 use crate::configuration::dataset::held_rotor::{ANSWERS, COUNTS, DRIVEN, GIVES_WAY, NOISES, PARTS, SETTLED_S};
 use std::ops::Range;

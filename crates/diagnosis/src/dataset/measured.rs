@@ -1,8 +1,8 @@
 //! The measured quantities, and how exactly each is known.
 
-use super::{Dataset, Stretch, noise, spread};
-use crate::configuration::dataset::measured::SHARED_COUNTS;
+use super::{Dataset, Stretch, correlated_noise, noise, spread};
 pub use crate::configuration::dataset::measured::TOLERANCE;
+use crate::configuration::dataset::measured::{LONGEST_CORRELATION_S, SHARED_COUNTS};
 use motorbench_data::recording::Channel;
 
 /// A measured quantity that the simulation is compared with.
@@ -61,6 +61,8 @@ pub struct Measured {
     pub of_counting: f64,
     /// Scatter up to this may come from counting alone.
     pub unrest_of_counting: f64,
+    /// Over so many rows at most its noise is correlated.
+    pub correlated_rows: usize,
     /// Error that is tolerated of a model: [`TOLERANCE`] of its spread, or the reading's own step.
     pub tolerance: f64,
 }
@@ -69,7 +71,10 @@ impl Measured {
     /// Standard deviation of the noise in its residual. Few counts increase so evenly that their scatter underestimates
     /// it.
     pub fn noise_in(&self, residual: &[f64]) -> f64 {
-        let unrest = noise(residual);
+        self.or_of_counting(correlated_noise(residual, self.correlated_rows))
+    }
+
+    fn or_of_counting(&self, unrest: f64) -> f64 {
         if unrest < self.unrest_of_counting { self.of_counting } else { unrest.max(self.of_counting) }
     }
 
@@ -90,13 +95,16 @@ impl Dataset {
     /// Says of every quantity how exactly it is known, from its own scatter.
     pub(super) fn judge_noise(&mut self, current_resolution_a: Option<f64>) {
         let of_counting = self.noise_of_counting();
+        let correlated_rows = (LONGEST_CORRELATION_S / self.interval_s).round() as usize;
         for measured in &mut self.measured {
             if matches!(measured.output, Output::MeanSpeed | Output::AngleDifference) {
                 measured.of_counting = of_counting;
                 let is_from_row_to_row = self.stretches.iter().all(|stretch| stretch.window.span <= 1);
                 measured.unrest_of_counting = if is_from_row_to_row { SHARED_COUNTS * of_counting } else { 0.0 };
             }
-            measured.noise = measured.noise_in(&measured.values);
+            measured.correlated_rows = correlated_rows;
+            // A signal may change as quickly as correlated noise does. A residual does not.
+            measured.noise = measured.or_of_counting(noise(&measured.values));
             let resolution = if measured.output == Output::Current { current_resolution_a } else { None };
             measured.tolerance = (TOLERANCE * spread(&measured.values)).max(resolution.unwrap_or(0.0));
         }

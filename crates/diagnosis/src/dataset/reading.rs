@@ -308,6 +308,7 @@ impl Dataset {
             noise: 0.0,
             of_counting: 0.0,
             unrest_of_counting: 0.0,
+            correlated_rows: 1,
             tolerance: 0.0,
         });
     }

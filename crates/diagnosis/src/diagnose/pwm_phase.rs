@@ -221,10 +221,8 @@ pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {
         return true;
     }
     let in_phase = |read: Dataset| {
-        let phase = Way::new(&read, prior, &found.model, None)?.phase;
-        let other = read.with_pwm_phase(Some(phase));
-        let better = fit(&found.model, &other, prior, Effort::TRIAL);
-        Some((other, better))
+        let Way { found, phase, .. } = Way::beside(found.clone(), &read, prior, None)?;
+        Some((read.with_pwm_phase(Some(phase)), found))
     };
     let ways = ways_to_read(data).into_iter().filter_map(in_phase);
     let best = ways.min_by(|a, b| a.1.cost.total_cmp(&b.1.cost));

@@ -1,10 +1,12 @@
 //! What a program, a sensor or a rig file makes of a recording: times, scales, means, commands that are not recorded.
 
 use crate::benches::{assert_found, assert_is_named, in_the_suite, short};
+use crate::fresh_seed;
 use crate::scoring::{diagnosed, hidden, named, recipe};
 use hidden_effects::{Channels, Effect, Excitation, Motor, Recipe, Trial, draw};
 use motorbench_data::recording::Recording;
 use motorbench_data::rig::{NominalMotor, Rig};
+use motorbench_diagnosis::diagnose::outcome::Verdict;
 use motorbench_diagnosis::diagnose::{Diagnosis, diagnose};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -65,6 +67,42 @@ fn a_frequency_of_the_pwm_is_not_taken_from_what_is_missing() {
     let of_pwm: Vec<&String> = outcome.advice.iter().filter(|advice| advice.contains("A PWM of")).collect();
     assert_eq!(of_pwm, [""; 0]);
     assert_eq!(named(&outcome, &hidden(&trial)), hidden(&trial));
+}
+
+/// A current sensor with a capacitor of its own: its noise is correlated from row to row. What is left is noise as before.
+#[test]
+fn noise_behind_a_low_pass_is_no_cause() {
+    let seed = fresh_seed();
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let filter_s: f64 = random.random_range(0.5e-3..2e-3);
+    let mut trial = draw(seed, &short(Recipe::of(&[]).on_real_rig()));
+    let mut left: f64 = 0.0;
+    trial.csv = with_column(&trial.csv, "i_A", |current_a| {
+        // The 21 mA of an ACS712, more or less.
+        let share = (-1e-3 / filter_s).exp();
+        left = share * left + (1.0 - share * share).sqrt() * 0.025 * 12.0_f64.sqrt() * random.random_range(-0.5..0.5);
+        current_a + left
+    });
+    let case = format!("seed {seed}, {filter_s} s");
+    let found = diagnosed(&trial);
+    assert_is_named(&found, &trial, &case);
+    assert_eq!(found.outcome.verdict, Verdict::Explained, "{case}: {:?}", found.outcome.unexplained);
+}
+
+/// A table with one column changed.
+fn with_column(csv: &str, name: &str, mut changed: impl FnMut(f64) -> f64) -> String {
+    let column =
+        csv.split('\n').next().and_then(|head| head.split(',').position(|of| of == name)).expect("it is there");
+    let mut lines = csv.lines();
+    let mut text = format!("{}\n", lines.next().expect("a head"));
+    for line in lines {
+        let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
+        if let Ok(value) = cells[column].parse() {
+            cells[column] = format!("{:.5}", changed(value));
+        }
+        let _ = writeln!(text, "{}", cells.join(","));
+    }
+    text
 }
 
 /// Rows 10 ms apart, in which the shaft passes several magnets.

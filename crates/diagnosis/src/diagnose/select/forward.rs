@@ -10,6 +10,7 @@ use crate::diagnose::judge::{NOT_NOISE, above_floor, above_noise, evidence_nats}
 use crate::identify::{Effort, Fit, scales};
 use maybe_rayon::prelude::*;
 use motorbench_model::catalogue::{ActsOn, Alone, CATALOGUE, Effect, Scales, USUAL};
+use motorbench_model::unit::Quantity;
 use motorbench_model::{Model, Term};
 
 /// The rule for the next effect.
@@ -194,7 +195,7 @@ impl Chooser<'_> {
         let others = found.model.terms.iter().filter(|term| term.dry_losses().bridge_drop_v == 0.0);
         // As large beside this motor as they were beside the other one.
         let factor = self.prior.motor.torque_constant_nm_per_a / found.model.motor.torque_constant_nm_per_a;
-        let terms = others.map(|term| term.with_voltages_scaled(factor)).collect();
+        let terms = others.map(|term| term.scaled(Quantity::Voltage, factor)).collect();
         let without_drop = Model { motor: self.prior.motor, terms };
         let mut nominal = without_drop.clone();
         nominal.terms.retain(|term| without_drop.alone(term.effect) != Some(Alone::Never));
