@@ -45,7 +45,7 @@ pub use held_rotor::HeldRotor;
 pub use late_readings::{LateCourse, LateReadings};
 pub use measured::{Measured, Output, TOLERANCE};
 pub use noise::{correlated_noise, noise};
-pub use origin::{Averaged, Latch, LimitedDuty, Origin, Pulse};
+pub use origin::{Averaged, Hum, Latch, LimitedDuty, Origin, Pulse};
 pub use speed_window::Window;
 
 /// Rows without a gap; the simulation restarts with each stretch.

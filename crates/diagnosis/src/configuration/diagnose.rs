@@ -211,6 +211,30 @@ pub(crate) mod lateness {
     pub const REFINED: usize = 2;
 }
 
+/// [`crate::diagnose::mains_hum`].
+pub(crate) mod mains_hum {
+    /// Frequencies of the mains, and of what is rectified from them.
+    pub const MAINS_HZ: [f64; 4] = [50.0, 60.0, 100.0, 120.0];
+    /// How far a clock of the board and the grid together may be off.
+    pub const MOST_OFF_HZ: f64 = 0.4;
+    /// The recording is summed in parts of this length first.
+    pub const PART_S: f64 = 0.1;
+    /// Frequencies lie closer than a line is wide by this factor.
+    pub const FINER: f64 = 8.0;
+    /// So far beside a line is compared what else there is.
+    pub const BESIDE_HZ: std::ops::Range<f64> = 0.8..2.5;
+    /// A line has this multiple of the greatest power beside it. Harmonics of a command that repeats are as strong as their
+    /// neighbours.
+    pub const OVER_OTHERS: f64 = 10.0;
+    /// In each of so many parts of a recording the line differs by less than this share of its amplitude.
+    pub const PARTS_ALIKE: usize = 6;
+    pub const COHERENT: f64 = 0.5;
+    /// A line with less of the noise floor than this changes an error by less than a tenth.
+    pub const LEAST_OF_FLOOR: f64 = 0.4;
+    /// A sensor is read this often in a period.
+    pub const ROWS_A_PERIOD: f64 = 2.5;
+}
+
 /// [`crate::diagnose::missing`].
 pub(crate) mod missing {
     /// Standard deviations of the walk over a second that are tried, as shares of the discrepancy's own size.

@@ -1,8 +1,8 @@
 //! Notes on how the recordings were made, where the rig file does not say it.
 
 use super::{
-    Averaged, Contradiction, Dataset, EdgeTiming, EndOfRange, Latch, LimitedDuty, Output, PWM_HZ, SHORTEST_S, Stretch,
-    dead_current, held_rotor, row_order,
+    Averaged, Contradiction, Dataset, EdgeTiming, EndOfRange, Hum, Latch, LimitedDuty, Output, PWM_HZ, SHORTEST_S,
+    Stretch, dead_current, held_rotor, row_order,
 };
 use motorbench_data::recording::Channel;
 use motorbench_text::terminal_text::short;
@@ -38,6 +38,15 @@ fn of_readings(count: usize) -> String {
     )
 }
 
+/// Note on readings with a hum.
+fn hum(Hum { of, hz, amplitude }: &Hum) -> String {
+    let (channel, unit) = (of.channel(), of.unit());
+    format!(
+        "{channel} has a hum of {hz:.2} Hz with an amplitude of {} {unit}, as of the mains. It was taken out of the readings. Twist or shield the wires of the sensor, and keep them away from the supply.",
+        short(*amplitude)
+    )
+}
+
 impl Dataset {
     /// Notes on what was found about the recordings and is not in the rig file.
     pub fn notes(&self) -> Vec<String> {
@@ -59,6 +68,7 @@ impl Dataset {
             notes.push(held_rotor::note(&self.origin.held_rotor));
         }
         notes.extend(self.origin.dead_current_a.map(dead_current::note));
+        notes.extend(self.origin.hums.iter().map(hum));
         notes
     }
 

@@ -1,6 +1,8 @@
 //! How recordings were made, from the rig file or from the recordings themselves.
 
-use super::{Contradiction, CounterStop, EdgeTiming, EndOfRange, HeldRotor, LateReadings, PWM_HZ, contradictions};
+use super::{
+    Contradiction, CounterStop, EdgeTiming, EndOfRange, HeldRotor, LateReadings, Output, PWM_HZ, contradictions,
+};
 use motorbench_data::recording::{Channel, Recording};
 use motorbench_data::rig::{Readings, Rig, Timing};
 use std::ops::Range;
@@ -55,6 +57,17 @@ pub struct LimitedDuty {
     pub greatest: f64,
 }
 
+/// Hum of the mains that was taken out of a sensor's readings.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hum {
+    /// Of which quantity.
+    pub of: Output,
+    /// Its frequency.
+    pub hz: f64,
+    /// Its amplitude, in the unit of the quantity.
+    pub amplitude: f64,
+}
+
 /// How recordings were made. For several recordings of one rig: what the rig file says of all, and what each adds.
 #[derive(Clone, Debug, Default)]
 pub struct Origin {
@@ -90,6 +103,8 @@ pub struct Origin {
     pub counter_stops: Vec<CounterStop>,
     /// ... and the motion as read in the rows that are missing because of them.
     pub read_in_stops: Vec<(usize, f64)>,
+    /// Hum of the mains that was in the readings.
+    pub hums: Vec<Hum>,
     /// Number of rows left out because no shaft can have their speed.
     pub impossible: usize,
     /// Rows that do not follow their command and are left out.

@@ -10,8 +10,8 @@ use super::scale::Scale;
 use super::select::{self, Selection, Standing, select, usual_model};
 use super::trust::{is_of_a_scale, may_be_nothing, remove_effect, remove_untrusted};
 use super::{
-    another_part, bad_stretches, command_times, counter_stops, current_window, data_sheet, laws, pwm_frequency,
-    pwm_phase, ripple_phase, speed_reading, unseen_losses,
+    another_part, bad_stretches, command_times, counter_stops, current_window, data_sheet, laws, mains_hum,
+    pwm_frequency, pwm_phase, ripple_phase, speed_reading, unseen_losses,
 };
 use crate::configuration::diagnose::interpretation::BEYOND_DOUBT_SIGMAS;
 use crate::dataset::Dataset;
@@ -166,7 +166,8 @@ fn best_interpretation(
 
 /// Settings that the rig file leaves open, in the order in which they are estimated from the current fit. Each returns
 /// whether it changed the data.
-const SETTLED_IN_TURN: [fn(&mut Dataset, &Prior, &Fit) -> bool; 14] = [
+const SETTLED_IN_TURN: [fn(&mut Dataset, &Prior, &Fit) -> bool; 15] = [
+    |data, _, found| mains_hum::settle(data, found),
     pwm_phase::settle,
     pwm_phase::settle_timer,
     command_times::settle,
@@ -185,6 +186,7 @@ const SETTLED_IN_TURN: [fn(&mut Dataset, &Prior, &Fit) -> bool; 14] = [
 
 /// Settings that the rig file leaves open, estimated with the nominal motor.
 fn settle_before_effects(data: &mut Dataset, prior: &Prior) {
+    mains_hum::settle_at_first(data, prior);
     if data.axis.drive.is_voltage() {
         pwm_frequency::settle_at_first(data, prior);
     }

@@ -24,6 +24,7 @@ pub mod judge;
 mod late_readings;
 mod lateness;
 mod laws;
+mod mains_hum;
 pub mod missing;
 pub mod outcome;
 mod pwm_frequency;

@@ -89,6 +89,29 @@ fn noise_behind_a_low_pass_is_no_cause() {
     assert_eq!(found.outcome.verdict, Verdict::Explained, "{case}: {:?}", found.outcome.unexplained);
 }
 
+/// Wires of a sensor beside the mains.
+#[test]
+fn a_hum_of_the_mains_is_taken_out_and_told() {
+    let seed = fresh_seed();
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let hz = if random.random() { 50.0 } else { 60.0 } * random.random_range(0.998..1.002);
+    let (amplitude_a, begin) = (random.random_range(0.02..0.06), random.random_range(0.0..TAU));
+    let mut trial = draw(seed, &short(Recipe::of(&[]).on_real_rig()));
+    let mut row = 0.0;
+    trial.csv = with_column(&trial.csv, "i_A", |current_a| {
+        row += 1.0;
+        current_a + amplitude_a * (TAU * hz * row * 1e-3 + begin).cos()
+    });
+    let case = format!("seed {seed}, {amplitude_a} A at {hz} Hz");
+    let found = diagnosed(&trial);
+    assert_is_named(&found, &trial, &case);
+    assert_eq!(found.outcome.verdict, Verdict::Explained, "{case}: {:?}", found.outcome.unexplained);
+    let note = found.outcome.advice.iter().find(|note| note.contains("i_A has a hum of"));
+    let note = note.unwrap_or_else(|| panic!("{case}: {:?}", found.outcome.advice));
+    let told: Vec<f64> = note.split(' ').filter_map(|word| word.parse().ok()).collect();
+    assert!((told[0] - hz).abs() < 0.05 && (told[1] / amplitude_a - 1.0).abs() < 0.1, "{case}: {note}");
+}
+
 /// A table with one column changed.
 fn with_column(csv: &str, name: &str, mut changed: impl FnMut(f64) -> f64) -> String {
     let column =
