@@ -219,8 +219,8 @@ pub(crate) mod mains_hum {
     pub const MOST_OFF_HZ: f64 = 0.4;
     /// The recording is summed in parts of this length first.
     pub const PART_S: f64 = 0.1;
-    /// Frequencies lie closer than a line is wide by this factor.
-    pub const FINER: f64 = 8.0;
+    /// Frequencies lie closer than a line is wide by at least this factor.
+    pub const FINER: usize = 4;
     /// So far beside a line is compared what else there is.
     pub const BESIDE_HZ: std::ops::Range<f64> = 0.8..2.5;
     /// A line has this multiple of the greatest power beside it. Harmonics of a command that repeats are as strong as their

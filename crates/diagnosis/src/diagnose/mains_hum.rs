@@ -8,6 +8,7 @@ use crate::dataset::{Dataset, Hum, Output};
 use crate::identify::{Effort, Fit, Prior, fit};
 use motorbench_model::Model;
 use nalgebra::Complex;
+use rustfft::FftPlanner;
 use std::f64::consts::{SQRT_2, TAU};
 
 /// The same with what a linear motor leaves.
@@ -22,18 +23,16 @@ pub(super) fn settle(data: &mut Dataset, found: &Fit) -> bool {
         return false;
     }
     let lines: Vec<Vec<Line>> = (0..data.measured.len()).map(|output| lines(data, found, output)).collect();
-    let is_of_the_motor =
-        |line: &Line| lines.iter().all(|lines| lines.iter().any(|other| other.mains_hz == line.mains_hz));
-    let mut any = false;
-    for (output, lines) in lines.iter().enumerate() {
-        // What moves the motor shows in the current and in the speed.
-        let alone = data.measured.len() == 1;
-        for line in lines.iter().filter(|line| alone || !is_of_the_motor(line)) {
-            line.take_out(data, output);
-            any = true;
-        }
+    // What moves the motor shows in the current and in the speed.
+    let is_of_the_motor = |line: &Line| {
+        lines.len() > 1 && lines.iter().all(|lines| lines.iter().any(|other| other.mains_hz == line.mains_hz))
+    };
+    let hums = lines.iter().enumerate().flat_map(|(output, lines)| lines.iter().map(move |line| (output, line)));
+    let hums: Vec<(usize, &Line)> = hums.filter(|(_, line)| !is_of_the_motor(line)).collect();
+    for (output, line) in &hums {
+        line.take_out(data, *output);
     }
-    any
+    !hums.is_empty()
 }
 
 /// A line in the residual of a quantity.
@@ -59,23 +58,26 @@ impl Line {
     /// The line near a frequency of the mains, if one stands out there and is the same in all parts of the recording.
     fn of(data: &Dataset, residual: &[f64], mains_hz: f64) -> Option<Self> {
         let parts = Parts::new(data, residual, mains_hz)?;
-        let step_hz = 1.0 / (FINER * parts.length_s);
-        let steps = (MOST_OFF_HZ / step_hz) as i32;
-        let tried = (-steps..=steps).map(|step| f64::from(step) * step_hz);
-        let power = |off_hz: &f64| parts.amplitude(*off_hz, 0..parts.sums.len()).norm_sqr();
-        let off_hz = tried.max_by(|a, b| power(a).total_cmp(&power(b)))?;
-        let count = ((BESIDE_HZ.end - BESIDE_HZ.start) * parts.length_s) as i32;
-        let beside = (0..=count).map(|step| BESIDE_HZ.start + f64::from(step) / parts.length_s);
-        let greatest = beside.flat_map(|off| [power(&-off), power(&off)]).fold(0.0, f64::max);
-        let amplitude = parts.amplitude(off_hz, 0..parts.sums.len());
-        let stands_out = power(&off_hz) > OVER_OTHERS * greatest;
-        let share = parts.sums.len().div_ceil(PARTS_ALIKE);
+        let spectrum = parts.spectrum();
+        let power = |bin: i32| spectrum[bin.rem_euclid(spectrum.len() as i32) as usize].norm_sqr();
+        let bin_hz = 1.0 / (PART_S * spectrum.len() as f64);
+        let bins = |hz: f64| (hz / bin_hz) as i32;
+        let peak = (-bins(MOST_OFF_HZ)..=bins(MOST_OFF_HZ)).max_by(|a, b| power(*a).total_cmp(&power(*b)))?;
+        let beside = (bins(BESIDE_HZ.start)..bins(BESIDE_HZ.end)).flat_map(|bin| [power(-bin), power(bin)]);
+        let greatest = beside.fold(0.0, f64::max);
+        let [left, middle, right] = [peak - 1, peak, peak + 1].map(power);
+        let bend = left - 2.0 * middle + right;
+        let between = if bend < 0.0 { 0.5 * (left - right) / bend } else { 0.0 };
+        let off_hz = (f64::from(peak) + between) * bin_hz;
+        let all = parts.sums.len();
+        let amplitude = parts.amplitude(off_hz, 0..all);
+        let share = all.div_ceil(PARTS_ALIKE);
         let is_alike = |first: usize| {
-            let part = parts.amplitude(off_hz, first..(first + share).min(parts.sums.len()));
+            let part = parts.amplitude(off_hz, first..(first + share).min(all));
             (part - amplitude).norm() < COHERENT * amplitude.norm()
         };
-        let is_even = (0..parts.sums.len()).step_by(share).all(is_alike);
-        (stands_out && is_even).then_some(Self { mains_hz, hz: mains_hz + off_hz, amplitude })
+        let is_line = middle > OVER_OTHERS * greatest && (0..all).step_by(share).all(is_alike);
+        is_line.then_some(Self { mains_hz, hz: mains_hz + off_hz, amplitude })
     }
 
     fn take_out(&self, data: &mut Dataset, output: usize) {
@@ -83,28 +85,43 @@ impl Line {
         for (value, time_s) in measured[output].values.iter_mut().zip(time_s.iter()) {
             *value -= (self.amplitude * Complex::from_polar(1.0, TAU * self.hz * time_s)).re;
         }
-        let of = measured[output].output;
-        data.origin.hums.push(Hum { of, hz: self.hz, amplitude: self.amplitude.norm() });
+        let (of, hums) = (measured[output].output, &mut data.origin.hums);
+        // What is left of one beside a better model is no other.
+        if !hums.iter().any(|known| known.of == of && (known.hz - self.hz).abs() < MOST_OFF_HZ) {
+            hums.push(Hum { of, hz: self.hz, amplitude: self.amplitude.norm() });
+        }
     }
 }
 
-/// A residual in short parts, demodulated with a frequency of the mains.
+/// A residual in short parts, demodulated with a frequency of the mains: sums and numbers of rows.
 struct Parts {
     sums: Vec<(Complex<f64>, usize)>,
     begin_s: f64,
-    length_s: f64,
 }
 
 impl Parts {
+    /// `None` for a recording that consists of gaps.
     fn new(data: &Dataset, residual: &[f64], mains_hz: f64) -> Option<Self> {
         let (begin_s, end_s) = (*data.time_s.first()?, *data.time_s.last()?);
-        let mut sums = vec![(Complex::default(), 0); ((end_s - begin_s) / PART_S) as usize + 1];
-        for (time_s, left) in data.time_s.iter().zip(residual).filter(|(_, left)| left.is_finite()) {
-            let (sum, count) = &mut sums[((time_s - begin_s) / PART_S) as usize];
-            *sum += left * Complex::from_polar(1.0, -TAU * mains_hz * time_s);
-            *count += 1;
+        let count = ((end_s - begin_s) / PART_S) as usize + 1;
+        if count > data.len() {
+            return None;
         }
-        Some(Self { sums, begin_s, length_s: end_s - begin_s })
+        let mut sums = vec![(Complex::default(), 0); count];
+        for (time_s, left) in data.time_s.iter().zip(residual).filter(|(_, left)| left.is_finite()) {
+            let (sum, rows) = &mut sums[((time_s - begin_s) / PART_S) as usize];
+            *sum += left * Complex::from_polar(1.0, -TAU * mains_hz * time_s);
+            *rows += 1;
+        }
+        Some(Self { sums, begin_s })
+    }
+
+    /// Sums over all parts at frequencies around that of the mains, the lower ones at the end.
+    fn spectrum(&self) -> Vec<Complex<f64>> {
+        let mut sums: Vec<Complex<f64>> = self.sums.iter().map(|(sum, _)| *sum).collect();
+        sums.resize((FINER * sums.len()).next_power_of_two(), Complex::default());
+        FftPlanner::new().plan_fft_forward(sums.len()).process(&mut sums);
+        sums
     }
 
     /// Of a line that is off the frequency of the mains by so much, in some of the parts.
