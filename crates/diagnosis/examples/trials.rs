@@ -12,7 +12,7 @@ use hidden_effects::{Effect, Recipe, Trial, draw};
 use motorbench_diagnosis::diagnose::outcome::{Cause, Estimate, Outcome};
 use motorbench_model::catalogue::effect;
 use rayon::prelude::*;
-use scoring::{diagnosed, hidden, named, recipe};
+use scoring::{diagnosed, effect_of, hidden, named, recipe};
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{Beta, ContinuousCDF};
 use std::collections::BTreeMap;
@@ -132,8 +132,7 @@ fn main() {
 }
 
 fn is_kind(kind: &str) -> bool {
-    let mut effects = Effect::CATALOGUE.into_iter().chain(Effect::ASKED_FOR).chain(Effect::OUTSIDE);
-    KINDS.iter().any(|known| known.name == kind) || effects.any(|effect| effect.id() == kind)
+    KINDS.iter().any(|known| known.name == kind) || effect_of(kind).is_some()
 }
 
 /// Says how it is called, and ends.

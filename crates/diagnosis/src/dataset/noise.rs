@@ -11,18 +11,20 @@ pub fn noise(values: &[f64]) -> f64 {
 /// The same of noise that is correlated over some rows, at most `most_rows`, as behind the low-pass of a sensor. Rows farther
 /// apart than that all scatter alike, while what a model lacks scatters the more, the farther they are.
 pub fn correlated_noise(values: &[f64], most_rows: usize) -> f64 {
+    let mut known = vec![None; 3 * most_rows.max(1) + 1];
+    let mut apart = |rows: usize| *known[rows].get_or_insert_with(|| noise_apart(values, rows));
+    let white = apart(1);
     let level = |rows: usize| {
-        let near = noise_apart(values, rows);
+        let near = apart(rows);
         let mut all = [near; 4];
         for (place, farther) in [3 * rows, 2 * rows, (3 * rows).div_ceil(2)].into_iter().enumerate() {
-            all[place] = noise_apart(values, farther);
+            all[place] = apart(farther);
             if all[place].max(near) > SAME_SCATTER * all[place].min(near) {
                 return None;
             }
         }
         Some(all.iter().sum::<f64>() / all.len() as f64)
     };
-    let white = noise(values);
     (1..=most_rows).find_map(level).filter(|level| *level > NOT_WHITE * white).unwrap_or(white)
 }
 

@@ -186,7 +186,6 @@ const SETTLED_IN_TURN: [fn(&mut Dataset, &Prior, &Fit) -> bool; 15] = [
 
 /// Settings that the rig file leaves open, estimated with the nominal motor.
 fn settle_before_effects(data: &mut Dataset, prior: &Prior) {
-    mains_hum::settle_at_first(data, prior);
     if data.axis.drive.is_voltage() {
         pwm_frequency::settle_at_first(data, prior);
     }

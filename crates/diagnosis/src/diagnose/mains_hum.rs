@@ -1,6 +1,7 @@
 //! Hum of the mains in a sensor's readings: a line of one frequency, amplitude and phase throughout a recording. Nothing that
 //! a motor does goes on so evenly. So it is taken out of the readings, the held-out ones as well, and told.
 
+use super::pwm_ripple::vertex;
 use crate::configuration::diagnose::mains_hum::{
     BESIDE_HZ, COHERENT, FINER, LEAST_OF_FLOOR, MAINS_HZ, MOST_OFF_HZ, OVER_OTHERS, PART_S, PARTS_ALIKE, ROWS_A_PERIOD,
 };
@@ -12,14 +13,17 @@ use rustfft::FftPlanner;
 use std::f64::consts::{SQRT_2, TAU};
 
 /// The same with what a linear motor leaves.
-pub(super) fn settle_at_first(data: &mut Dataset, prior: &Prior) {
-    let linear = fit(&Model::linear(prior.motor), data, prior, Effort::TRIAL);
-    settle(data, &linear);
+pub(super) fn settled(mut data: Dataset, prior: &Prior) -> Dataset {
+    if may_hum(&data) {
+        let linear = fit(&Model::linear(prior.motor), &data, prior, Effort::TRIAL);
+        settle(&mut data, &linear);
+    }
+    data
 }
 
 /// Takes out what hum a model leaves in the readings. Returns whether there was any.
 pub(super) fn settle(data: &mut Dataset, found: &Fit) -> bool {
-    if !data.is_one_recording() {
+    if !may_hum(data) {
         return false;
     }
     let lines: Vec<Vec<Line>> = (0..data.measured.len()).map(|output| lines(data, found, output)).collect();
@@ -35,6 +39,16 @@ pub(super) fn settle(data: &mut Dataset, found: &Fit) -> bool {
     !hums.is_empty()
 }
 
+/// Whether a sensor is read in one recording: in another one the phase would be another.
+fn may_hum(data: &Dataset) -> bool {
+    data.is_one_recording() && data.measured.iter().any(|measured| is_of_a_sensor(measured.output))
+}
+
+/// Counts have no hum.
+fn is_of_a_sensor(output: Output) -> bool {
+    matches!(output, Output::Current | Output::Speed)
+}
+
 /// A line in the residual of a quantity.
 struct Line {
     mains_hz: f64,
@@ -45,7 +59,7 @@ struct Line {
 
 fn lines(data: &Dataset, found: &Fit, output: usize) -> Vec<Line> {
     let measured = &data.measured[output];
-    if !matches!(measured.output, Output::Current | Output::Speed) {
+    if !is_of_a_sensor(measured.output) {
         return Vec::new();
     }
     let residual = found.residual_of(data, output);
@@ -65,10 +79,7 @@ impl Line {
         let peak = (-bins(MOST_OFF_HZ)..=bins(MOST_OFF_HZ)).max_by(|a, b| power(*a).total_cmp(&power(*b)))?;
         let beside = (bins(BESIDE_HZ.start)..bins(BESIDE_HZ.end)).flat_map(|bin| [power(-bin), power(bin)]);
         let greatest = beside.fold(0.0, f64::max);
-        let [left, middle, right] = [peak - 1, peak, peak + 1].map(power);
-        let bend = left - 2.0 * middle + right;
-        let between = if bend < 0.0 { 0.5 * (left - right) / bend } else { 0.0 };
-        let off_hz = (f64::from(peak) + between) * bin_hz;
+        let off_hz = (f64::from(peak) + vertex([peak - 1, peak, peak + 1].map(power))) * bin_hz;
         let all = parts.sums.len();
         let amplitude = parts.amplitude(off_hz, 0..all);
         let share = all.div_ceil(PARTS_ALIKE);
@@ -76,7 +87,7 @@ impl Line {
             let part = parts.amplitude(off_hz, first..(first + share).min(all));
             (part - amplitude).norm() < COHERENT * amplitude.norm()
         };
-        let is_line = middle > OVER_OTHERS * greatest && (0..all).step_by(share).all(is_alike);
+        let is_line = power(peak) > OVER_OTHERS * greatest && (0..all).step_by(share).all(is_alike);
         is_line.then_some(Self { mains_hz, hz: mains_hz + off_hz, amplitude })
     }
 

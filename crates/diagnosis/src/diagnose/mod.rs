@@ -105,7 +105,7 @@ pub struct Diagnosis {
 pub fn diagnose(recordings: &[Recording], rig: &Rig, progress: select::Progress) -> Result<Diagnosis, DatasetError> {
     let data = Dataset::new(recordings, rig)?;
     let prior = Prior::new(&rig.nominal(), &data).with_bridge(&rig.bridge, &data);
-    let data = late_readings::settled(data, &prior);
+    let data = late_readings::settled(mains_hum::settled(data, &prior), &prior);
     let prior = Prior::new(&rig.nominal(), &data).with_bridge(&rig.bridge, &data);
     let mut interpret = interpret_trusted(data, &prior, &[], progress);
     let losses = interpret.random_losses();

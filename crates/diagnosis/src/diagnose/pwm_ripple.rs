@@ -66,6 +66,12 @@ fn near(data: &Dataset) -> Vec<f64> {
     std::iter::once(origin.pwm_hz).chain(meant).collect()
 }
 
+/// Where the parabola through three neighbouring powers has its vertex, in their distances from the middle one.
+pub(super) fn vertex([left, middle, right]: [f64; 3]) -> f64 {
+    let bend = left - 2.0 * middle + right;
+    if bend < 0.0 { (0.5 * (left - right) / bend).clamp(-0.5, 0.5) } else { 0.0 }
+}
+
 /// What the residual has in common with pulses of a frequency and of those around it.
 struct Spectrum {
     hz: f64,
@@ -113,9 +119,7 @@ impl Spectrum {
         let (powers, step_hz) = self.powers();
         let best = (0..powers.len()).max_by(|a, b| powers[*a].total_cmp(&powers[*b]))?;
         let beside = |index: usize| powers.get(index).map_or(powers[best], |power| *power);
-        let (left, right) = (beside(best.wrapping_sub(1)), beside(best + 1));
-        let bend = left - 2.0 * powers[best] + right;
-        let between = if bend < 0.0 { (0.5 * (left - right) / bend).clamp(-0.5, 0.5) } else { 0.0 };
+        let between = vertex([beside(best.wrapping_sub(1)), powers[best], beside(best + 1)]);
         let off_hz = (best as f64 - (powers.len() / 2) as f64 + between) * step_hz;
         let sum = self.in_common(off_hz);
         // Of a ripple with two constants, cosine and sine.

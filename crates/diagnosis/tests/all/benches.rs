@@ -27,6 +27,18 @@ pub fn short(recipe: Recipe) -> Recipe {
     Recipe { duration_s: 10.0, ..recipe }
 }
 
+/// A recording with other cells in a column.
+pub fn with_cells(csv: &str, column: &str, mut cell: impl FnMut(usize, &str) -> String) -> String {
+    let (head, rows) = csv.split_once('\n').unwrap();
+    let place = head.split(',').position(|name| name == column).unwrap();
+    let line = |(row, line): (usize, &str)| {
+        let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
+        cells[place] = cell(row, &cells[place]);
+        format!("{}\n", cells.join(","))
+    };
+    format!("{head}\n{}", rows.lines().enumerate().map(line).collect::<String>())
+}
+
 /// What was hidden is named, and nothing else.
 pub fn assert_found(seed: u64, recipe: &Recipe) -> Diagnosis {
     let trial = draw(seed, recipe);

@@ -1,6 +1,6 @@
 //! Edges of the encoder that are lost, and a shaft that really stands.
 
-use crate::benches::{assert_found, in_the_suite};
+use crate::benches::{assert_found, in_the_suite, with_cells};
 use crate::scoring::{diagnosed, named};
 use hidden_effects::{Channels, Effect, Recipe, Trial, draw};
 use rand::{RngExt, SeedableRng};
@@ -46,18 +46,6 @@ fn with_counts(csv: &str, mut is_kept: impl FnMut(usize) -> bool) -> String {
         counted += passed.signum() * kept as i64;
         counted.to_string()
     })
-}
-
-/// A recording with other cells in a column.
-fn with_cells(csv: &str, column: &str, mut cell: impl FnMut(usize, &str) -> String) -> String {
-    let (head, rows) = csv.split_once('\n').unwrap();
-    let place = head.split(',').position(|name| name == column).unwrap();
-    let line = |(row, line): (usize, &str)| {
-        let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
-        cells[place] = cell(row, &cells[place]);
-        format!("{}\n", cells.join(","))
-    };
-    format!("{head}\n{}", rows.lines().enumerate().map(line).collect::<String>())
 }
 
 /// Bursts of a few rows that the counts do not show, with and without a current: the residual shows them.

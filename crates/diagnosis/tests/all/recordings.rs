@@ -1,6 +1,6 @@
 //! What a program, a sensor or a rig file makes of a recording: times, scales, means, commands that are not recorded.
 
-use crate::benches::{assert_found, assert_is_named, in_the_suite, short};
+use crate::benches::{assert_found, assert_is_named, in_the_suite, short, with_cells};
 use crate::fresh_seed;
 use crate::scoring::{diagnosed, hidden, named, recipe};
 use hidden_effects::{Channels, Effect, Excitation, Motor, Recipe, Trial, draw};
@@ -77,11 +77,11 @@ fn noise_behind_a_low_pass_is_no_cause() {
     let filter_s: f64 = random.random_range(0.5e-3..2e-3);
     let mut trial = draw(seed, &short(Recipe::of(&[]).on_real_rig()));
     let mut left: f64 = 0.0;
-    trial.csv = with_column(&trial.csv, "i_A", |current_a| {
+    trial.csv = with_cells(&trial.csv, "i_A", |_, current_a| {
         // The 21 mA of an ACS712, more or less.
         let share = (-1e-3 / filter_s).exp();
         left = share * left + (1.0 - share * share).sqrt() * 0.025 * 12.0_f64.sqrt() * random.random_range(-0.5..0.5);
-        current_a + left
+        format!("{:.5}", current_a.parse::<f64>().unwrap() + left)
     });
     let case = format!("seed {seed}, {filter_s} s");
     let found = diagnosed(&trial);
@@ -97,10 +97,9 @@ fn a_hum_of_the_mains_is_taken_out_and_told() {
     let hz = if random.random() { 50.0 } else { 60.0 } * random.random_range(0.998..1.002);
     let (amplitude_a, begin) = (random.random_range(0.02..0.06), random.random_range(0.0..TAU));
     let mut trial = draw(seed, &short(Recipe::of(&[]).on_real_rig()));
-    let mut row = 0.0;
-    trial.csv = with_column(&trial.csv, "i_A", |current_a| {
-        row += 1.0;
-        current_a + amplitude_a * (TAU * hz * row * 1e-3 + begin).cos()
+    trial.csv = with_cells(&trial.csv, "i_A", |row, current_a| {
+        let hum_a = amplitude_a * (TAU * hz * row as f64 * 1e-3 + begin).cos();
+        format!("{:.5}", current_a.parse::<f64>().unwrap() + hum_a)
     });
     let case = format!("seed {seed}, {amplitude_a} A at {hz} Hz");
     let found = diagnosed(&trial);
@@ -110,22 +109,6 @@ fn a_hum_of_the_mains_is_taken_out_and_told() {
     let note = note.unwrap_or_else(|| panic!("{case}: {:?}", found.outcome.advice));
     let told: Vec<f64> = note.split(' ').filter_map(|word| word.parse().ok()).collect();
     assert!((told[0] - hz).abs() < 0.05 && (told[1] / amplitude_a - 1.0).abs() < 0.1, "{case}: {note}");
-}
-
-/// A table with one column changed.
-fn with_column(csv: &str, name: &str, mut changed: impl FnMut(f64) -> f64) -> String {
-    let column =
-        csv.split('\n').next().and_then(|head| head.split(',').position(|of| of == name)).expect("it is there");
-    let mut lines = csv.lines();
-    let mut text = format!("{}\n", lines.next().expect("a head"));
-    for line in lines {
-        let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
-        if let Ok(value) = cells[column].parse() {
-            cells[column] = format!("{:.5}", changed(value));
-        }
-        let _ = writeln!(text, "{}", cells.join(","));
-    }
-    text
 }
 
 /// Rows 10 ms apart, in which the shaft passes several magnets.

@@ -66,12 +66,15 @@ pub fn recipe(kind: &str, seed: u64) -> Recipe {
             Recipe { channels, ..Recipe::of(&[Effect::SpeedLag, turn(&others)]).on_real_rig() }
         }
         "after" => Recipe { written_after: true, ..single() },
-        id => {
-            let all = Effect::CATALOGUE.into_iter().chain(Effect::ASKED_FOR).chain(Effect::OUTSIDE);
-            Recipe::of(&[all.into_iter().find(|effect| effect.id() == id).expect("KIND is known")])
-        }
+        id => Recipe::of(&[effect_of(id).expect("KIND is known")]),
     };
     recipe.with_random_strengths(seed)
+}
+
+/// A hidden effect by its identifier.
+pub fn effect_of(id: &str) -> Option<Effect> {
+    let mut all = Effect::CATALOGUE.into_iter().chain(Effect::ASKED_FOR).chain(Effect::OUTSIDE);
+    all.find(|effect| effect.id() == id)
 }
 
 /// The diagnosis of a trial's texts.
