@@ -15,7 +15,7 @@ pub use replay::Replay;
 
 use crate::dataset::{Dataset, Stretch};
 use motorbench_model::catalogue::{Balance, Coordinate, Instant};
-use motorbench_model::{Late, LinearSteps, Model, Reached};
+use motorbench_model::{LinearSteps, Model};
 use std::ops::Range;
 
 /// The prediction of each measured quantity, in the order of [`Dataset::measured`].
@@ -57,8 +57,8 @@ pub struct Motion {
 }
 
 impl Motion {
-    fn with_capacity(samples: usize) -> Self {
-        let column = || Vec::with_capacity(samples);
+    fn not_known(samples: usize) -> Self {
+        let column = || vec![f64::NAN; samples];
         Self {
             current_a: column(),
             speed_rad_per_s: column(),
@@ -104,19 +104,6 @@ impl Motion {
         let course = Course { from_rad: self.angle_rad[from], turned_rad, bent_rad };
         Some(course.angle_rad((time_s - rows_s[from]) / interval_s))
     }
-
-    fn fill_up_to(&mut self, samples: usize) {
-        let columns = [
-            &mut self.current_a,
-            &mut self.speed_rad_per_s,
-            &mut self.angle_rad,
-            &mut self.shaft_rad,
-            &mut self.bulge_a,
-        ];
-        for values in columns {
-            values.resize(samples, f64::NAN);
-        }
-    }
 }
 
 /// Drives the motor of the model with the recorded command.
@@ -147,10 +134,11 @@ pub fn nudged(model: &Model, data: &Dataset, motion: &Motion, added: impl Fn(&In
             let at = motion.instant(data, index);
             let before = speed_rad_per_s;
             let Balance { torque_nm, voltage_v, .. } = added(&at);
-            let terms = Balance { torque_nm, voltage_v, ..Balance::default() };
-            // Nothing is added to a current that is imposed.
-            let input = data.axis.drive.input(0.0, at.open);
-            Reached { current_a, speed_rad_per_s, .. } = step.take(current_a, before, input, Late::default(), &terms);
+            [current_a, speed_rad_per_s] = match at.open {
+                // Nothing is added to a current that is imposed.
+                true => [0.0, step.speed_without_current(before, torque_nm)],
+                false => step.respond(current_a, before, voltage_v, torque_nm),
+            };
             if at.speed_rad_per_s == 0.0 && motion.speed_rad_per_s[next] == 0.0 {
                 speed_rad_per_s = 0.0;
             }

@@ -209,7 +209,8 @@ impl Fit {
     /// Weighted sensitivities of the seen residuals and the inverse of their normal matrix.
     fn sensitivities(&self, data: &Dataset) -> &(Sensitivities, DMatrix<f64>) {
         self.sensitivities.get_or_init(|| {
-            let found = Sensitivities::simulated(&self.model, &Replay::new(data), &self.unknowns, self.steps);
+            let replay = Replay::new(data);
+            let found = Sensitivities::simulated(&self.model, &self.residual, &replay, &self.unknowns, self.steps);
             let inverse = found.inverse();
             (found, inverse)
         })

@@ -15,6 +15,8 @@ const KEPT: usize = 4;
 /// So many times within a step: in straight lines between them the exponential of a winding as quick as a third of the step
 /// is exact to a thousandth.
 const TIMES: f64 = 64.0;
+/// Of less than this share of its speed that a shaft loses in a step, few terms of the exponential's series are exact.
+const SLIGHT: f64 = 0.01;
 /// Steps of Newton's method for a drop with a knee, and how close it comes, as a share of the knee.
 const NEWTON_STEPS: usize = 12;
 const NEWTON_CLOSENESS: f64 = 1e-3;
@@ -98,17 +100,18 @@ impl LinearStep {
             Input::Voltage(voltage_v) => voltage_v,
             Input::Current(imposed_a) => return self.imposed([imposed_a; 2], speed, terms),
         };
-        let inputs = [current_a, speed, voltage_v + terms.voltage_v, terms.torque_nm];
-        let dot = |row: &[f64; 4]| row[0] * inputs[0] + row[1] * inputs[1] + row[2] * inputs[2] + row[3] * inputs[3];
+        let driving_v = voltage_v + terms.voltage_v;
+        let [free_a, free] = self.respond(current_a, speed, driving_v, terms.torque_nm);
         let late_v = if late.by_v == 0.0 {
             0.0
         } else {
             // The drops change with the pulse.
             late.by_v - late.by_share * against(current_a, terms.ripple.drops_of_pulse_v(terms.drops()))
         };
-        let free_a = dot(&self.current_of) - late_v * late.of_a_volt[0];
+        let free_a = free_a - late_v * late.of_a_volt[0];
         let gain = self.current_of[2];
-        let dry_a = terms.ripple.mean_drops_v(terms.drops()).map(|drop_v| gain * drop_v);
+        let drops = terms.drops();
+        let dry_a = terms.ripple.mean_drops_v(drops).map(|drop_v| gain * drop_v);
         let flowing_a = if terms.drops_with_the_mean() {
             let dry_a = dry_a[usize::from(free_a < 0.0)];
             let left_a = eased_a(free_a, dry_a, terms.knee_a);
@@ -118,7 +121,7 @@ impl LinearStep {
         } else {
             // Where the current touches zero, it follows the volts at once: those at the end of the step count.
             let ahead = || volts(&self.motor, current_a, self.driven(current_a, speed, terms), voltage_v, terms);
-            let left_a = terms.ripple.against_drops(free_a, dry_a, ahead);
+            let left_a = terms.ripple.against_drops(free_a, dry_a, (driving_v, drops), ahead);
             if left_a != free_a - dry_a[0] && left_a != free_a + dry_a[1] {
                 return self.imposed([current_a, left_a], speed, terms);
             }
@@ -126,15 +129,29 @@ impl LinearStep {
         };
         let left_a = slowed(current_a, flowing_a, self.falling_and_rising, terms.resistance_ohm);
         let lost_v = (free_a - left_a) * self.inverse_gains[0];
-        let free = dot(&self.speed_of) - late_v * late.of_a_volt[1] - self.speed_of[2] * lost_v;
+        let free = free - late_v * late.of_a_volt[1] - self.speed_of[2] * lost_v;
         let speed_rad_per_s = oppose_motion(speed, free, self.speed_of[3], terms);
         let lost_nm = (free - speed_rad_per_s) * self.inverse_gains[1];
         let reached_a = left_a - self.current_of[3] * lost_nm;
         // What the resistance takes on the average is what emf and inductance leave of the voltage.
         let emf_v = self.motor.torque_constant_nm_per_a * 0.5 * (speed + speed_rad_per_s);
         let induced_v = self.inductance_over_step_ohm * (reached_a - current_a);
-        let mean_a = (inputs[2] - late_v * late.missing - lost_v - emf_v - induced_v) * self.conductance_siemens;
+        let mean_a = (driving_v - late_v * late.missing - lost_v - emf_v - induced_v) * self.conductance_siemens;
         Reached { current_a: reached_a, speed_rad_per_s, mean_a }
+    }
+
+    /// The same of the linear motor alone, without dry losses.
+    #[inline]
+    pub fn respond(&self, current_a: f64, speed: f64, voltage_v: f64, torque_nm: f64) -> [f64; 2] {
+        let inputs = [current_a, speed, voltage_v, torque_nm];
+        let dot = |row: &[f64; 4]| row[0] * inputs[0] + row[1] * inputs[1] + row[2] * inputs[2] + row[3] * inputs[3];
+        [dot(&self.current_of), dot(&self.speed_of)]
+    }
+
+    /// Speed at the end of the step of the linear motor through which no current flows.
+    #[inline]
+    pub fn speed_without_current(&self, speed: f64, torque_nm: f64) -> f64 {
+        self.open_speed_of[0] * speed + self.open_speed_of[1] * torque_nm
     }
 
     /// The same where the current changes evenly from one to another, whatever the winding is.
@@ -148,7 +165,7 @@ impl LinearStep {
     #[inline]
     fn driven(&self, mean_a: f64, speed: f64, terms: &Balance) -> f64 {
         let torque_nm = terms.torque_nm + self.motor.torque_constant_nm_per_a * mean_a;
-        let free = self.open_speed_of[0] * speed + self.open_speed_of[1] * torque_nm;
+        let free = self.speed_without_current(speed, torque_nm);
         oppose_motion(speed, free, self.open_speed_of[1], terms)
     }
 }
@@ -176,12 +193,22 @@ pub struct LinearSteps {
     /// Current and speed of a volt after evenly spaced times.
     of_a_volt: Vec<[f64; 2]>,
     longest_s: f64,
+    /// How many of these times there are in a second.
+    times_per_s: f64,
 }
 
 impl LinearSteps {
     /// With `inertia_kg_m2` at the motor's own shaft.
     pub fn new(motor: &MotorParameters, inertia_kg_m2: f64) -> Self {
-        Self { motor: *motor, inertia_kg_m2, kept: Vec::new(), last: 0, of_a_volt: Vec::new(), longest_s: 0.0 }
+        Self {
+            motor: *motor,
+            inertia_kg_m2,
+            kept: Vec::new(),
+            last: 0,
+            of_a_volt: Vec::new(),
+            longest_s: 0.0,
+            times_per_s: 0.0,
+        }
     }
 
     /// A step of `step_s`, as [`LinearStep::new`].
@@ -217,14 +244,16 @@ impl LinearSteps {
         };
         self.of_a_volt = (0..=TIMES as usize + 1).map(after).collect();
         self.longest_s = longest_s;
+        self.times_per_s = TIMES / longest_s;
     }
 
     /// In straight lines between the times.
     #[inline]
     fn of_a_volt(&self, after_s: f64) -> [f64; 2] {
-        let at = after_s / self.longest_s * TIMES;
-        let share = at - at.floor();
-        let [from, to] = [0, 1].map(|next| self.of_a_volt[at as usize + next]);
+        let at = after_s * self.times_per_s;
+        let time = at as usize;
+        let share = at - time as f64;
+        let [from, to] = [0, 1].map(|next| self.of_a_volt[time + next]);
         [0, 1].map(|place| from[place] + share * (to[place] - from[place]))
     }
 
@@ -244,8 +273,17 @@ impl LinearSteps {
 /// The speed left after a step, and gained of a torque over it, whatever the current does.
 pub(crate) fn speed_of_torque(viscous_nm_s: f64, inertia_kg_m2: f64, step_s: f64) -> [f64; 2] {
     let b = viscous_nm_s;
-    let decay = (-b / inertia_kg_m2 * step_s).exp();
-    [decay, if b > 0.0 { (1.0 - decay) / b } else { step_s / inertia_kg_m2 }]
+    let without_loss = step_s / inertia_kg_m2;
+    let lost = b * without_loss;
+    if lost < SLIGHT {
+        // The first terms of the series, whose rest is beyond the twelfth digit.
+        let series = 1.0
+            - lost * (1.0 / 2.0) * (1.0 - lost * (1.0 / 3.0) * (1.0 - lost * (1.0 / 4.0) * (1.0 - lost * (1.0 / 5.0))));
+        let gained = without_loss * series;
+        return [1.0 - b * gained, gained];
+    }
+    let decay = (-lost).exp();
+    [decay, (1.0 - decay) / b]
 }
 
 /// What a drop leaves of a mean current: `dry_a` of it at most, less where the current is small beside the knee. Newton's
@@ -409,6 +447,19 @@ mod tests {
             let (coarse, fine) = (after(1, &terms), after(1000, &terms));
             assert!(fine.0 < -0.05, "it reverses: {fine:?}");
             assert!((coarse.0 - fine.0).abs() < 0.01 * (0.15 - fine.0), "knee {knee_a}: {coarse:?} {fine:?}");
+        }
+    }
+
+    /// With hardly any loss, and with much of it.
+    #[test]
+    fn a_torque_gains_a_speed_by_an_exponential() {
+        let (inertia_kg_m2, step_s) = (4e-5, 1e-3);
+        for lost in [0.0, 1e-9, 1e-4, 0.9 * SLIGHT, 1.1 * SLIGHT, 1.0, 50.0_f64] {
+            let viscous_nm_s = lost * inertia_kg_m2 / step_s;
+            let [left, gained] = speed_of_torque(viscous_nm_s, inertia_kg_m2, step_s);
+            let exact = if lost > 0.0 { -(-lost).exp_m1() / viscous_nm_s } else { step_s / inertia_kg_m2 };
+            assert!((left - (-lost).exp()).abs() < 1e-12, "{lost}: {left}");
+            assert!((gained / exact - 1.0).abs() < 1e-11, "{lost}: {gained} {exact}");
         }
     }
 }

@@ -44,6 +44,11 @@ pub fn against(current_a: f64, [positive_v, negative_v]: [f64; 2]) -> f64 {
     if current_a < 0.0 { -negative_v } else { positive_v }
 }
 
+/// A current between two others. Not `clamp`: a simulation that has left all bounds is judged by its error.
+fn within(current_a: f64, least_a: f64, most_a: f64) -> f64 {
+    current_a.max(least_a).min(most_a)
+}
+
 /// Which way a current flows through the bridge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Way {
@@ -66,6 +71,8 @@ pub struct Ripple {
     a_per_v: f64,
     /// The period over the electrical time constant; 0 for straight lines.
     decay: f64,
+    /// What a whole period leaves of a current; 1 for straight lines.
+    left: f64,
     /// Of a period that does not touch zero and swings by one ampere in straight lines.
     of_one_ampere: Swing,
 }
@@ -82,14 +89,9 @@ struct Part {
 }
 
 impl Part {
-    fn new(share: f64, decay: f64) -> Self {
-        match decay == 0.0 {
-            true => Self { share, left: 1.0, gained: share },
-            false => {
-                let lost = -(-decay * share).exp_m1();
-                Self { share, left: 1.0 - lost, gained: lost / decay }
-            }
-        }
+    /// Of which so much is `left`.
+    fn new(share: f64, decay: f64, left: f64) -> Self {
+        Self { share, left, gained: if decay == 0.0 { share } else { (1.0 - left) / decay } }
     }
 
     /// Whether a current of this height is still there at its end, against what drives it towards zero.
@@ -107,6 +109,7 @@ impl Ripple {
         off: Part { share: 0.0, left: 0.0, gained: 0.0 },
         a_per_v: 0.0,
         decay: 0.0,
+        left: 1.0,
         of_one_ampere: Swing { pulse: 0.0, decay: 0.0, low_a: 0.0, high_a: 0.0, towards_a: 0.0 },
     };
 
@@ -114,7 +117,7 @@ impl Ripple {
     pub fn new(inductance_h: f64, resistance_ohm: f64, pwm_hz: f64) -> Self {
         let decay = resistance_ohm / (inductance_h * pwm_hz);
         let decay = if decay < STRAIGHT { 0.0 } else { decay };
-        Self { a_per_v: 1.0 / (inductance_h * pwm_hz), decay, ..Self::NONE }.with_duty(0.0)
+        Self { a_per_v: 1.0 / (inductance_h * pwm_hz), decay, left: (-decay).exp(), ..Self::NONE }.with_duty(0.0)
     }
 
     /// The same with a duty from -1 to 1.
@@ -127,8 +130,13 @@ impl Ripple {
     pub fn set_duty(&mut self, duty: f64) {
         let pulse = duty.abs().min(1.0);
         self.sense = if duty == 0.0 { 0.0 } else { duty.signum() };
-        self.pulse = Part::new(pulse, self.decay);
-        self.off = Part::new(1.0 - pulse, self.decay);
+        let left_after = |share: f64| if self.decay == 0.0 { 1.0 } else { (-self.decay * share).exp() };
+        let left = left_after(pulse);
+        // What a whole period and one part of it leave tells what the other part does, if that is not nothing.
+        let off = 1.0 - pulse;
+        let left_by_off = if self.left > f64::MIN_POSITIVE { self.left / left } else { left_after(off) };
+        self.pulse = Part::new(pulse, self.decay, left);
+        self.off = Part::new(off, self.decay, left_by_off);
         self.of_one_ampere = Swing::of_one_ampere(&self.pulse, &self.off, self.decay);
     }
 
@@ -148,30 +156,37 @@ impl Ripple {
 
     /// What drops leave of a mean current: `free_a` without them, `dry_a` what they take from a current that stays positive,
     /// and from one that stays negative. One that touches zero in each period has the mean that the volts say, whatever it
-    /// was before.
+    /// was before. `volts` are asked for only there; their mean and their drops are `mean_v` and `drops`.
     #[inline(always)]
-    pub fn against_drops(&self, free_a: f64, dry_a: [f64; 2], volts: impl FnOnce() -> Volts) -> f64 {
-        // Inlined, so that a bridge without a drop costs a comparison alone.
-        if dry_a == [0.0; 2] { free_a } else { self.left_by_drops(free_a, dry_a, volts) }
+    pub fn against_drops(
+        &self,
+        free_a: f64,
+        dry_a: [f64; 2],
+        (mean_v, drops): (f64, Drops),
+        volts: impl FnOnce() -> Volts,
+    ) -> f64 {
+        // Inlined, so that a bridge without a drop costs a comparison alone, and a current far from zero little more.
+        if dry_a == [0.0; 2] {
+            return free_a;
+        }
+        let (least_a, most_a) = (free_a - dry_a[0], free_a + dry_a[1]);
+        if self.pulse.share * self.a_per_v == 0.0 {
+            return within(0.0, least_a, most_a);
+        }
+        // However it decays, it swings no wider than in straight lines.
+        let [with_a, against_a] = [Way::With, Way::Against].map(|way| self.straight_swing_a(mean_v, &drops, way));
+        let widest_a = with_a.max(against_a);
+        if least_a >= widest_a {
+            least_a
+        } else if most_a <= -widest_a {
+            most_a
+        } else {
+            self.near_zero(least_a, most_a, &volts())
+        }
     }
 
-    fn left_by_drops(&self, free_a: f64, dry_a: [f64; 2], volts: impl FnOnce() -> Volts) -> f64 {
-        let (least_a, most_a) = (free_a - dry_a[0], free_a + dry_a[1]);
-        // Not `clamp`: a simulation that has left all bounds is judged by its error.
-        let within = |settled_a: f64| settled_a.max(least_a).min(most_a);
-        if self.pulse.share * self.a_per_v == 0.0 {
-            return within(0.0);
-        }
-        let volts = volts();
-        // However it decays, it swings no wider than in straight lines.
-        let widest_a = self.straight_swing_a(&volts, Way::With).max(self.straight_swing_a(&volts, Way::Against));
-        if least_a >= widest_a {
-            return least_a;
-        }
-        if most_a <= -widest_a {
-            return most_a;
-        }
-        let (with_a, against_a) = (self.swing(&volts, Way::With).low_a, self.swing(&volts, Way::Against).high_a);
+    fn near_zero(&self, least_a: f64, most_a: f64, volts: &Volts) -> f64 {
+        let (with_a, against_a) = (self.swing(volts, Way::With).low_a, self.swing(volts, Way::Against).high_a);
         // As far as the mean is above the least current, and below the greatest.
         let [above_a, below_a] = if self.sense > 0.0 { [with_a, against_a] } else { [against_a, with_a] };
         if least_a >= above_a {
@@ -179,7 +194,7 @@ impl Ripple {
         } else if most_a <= -below_a {
             most_a
         } else {
-            within(self.settled_a(&volts))
+            within(self.settled_a(volts), least_a, most_a)
         }
     }
 
@@ -208,20 +223,19 @@ impl Ripple {
 
     /// From the least to the greatest current of a period without resistance.
     #[inline]
-    fn straight_swing_a(&self, volts: &Volts, way: Way) -> f64 {
+    fn straight_swing_a(&self, mean_v: f64, &Drops { pulse_v, return_v, off_v }: &Drops, way: Way) -> f64 {
         let pulse = self.pulse.share;
-        let Drops { pulse_v, return_v, off_v } = volts.drops;
         let apart_v = match way {
             Way::With => off_v - pulse_v,
             Way::Against => return_v - off_v,
         };
-        self.a_per_v * (1.0 - pulse) * (volts.mean_v.abs() + pulse * apart_v).abs()
+        self.a_per_v * (1.0 - pulse) * (mean_v.abs() + pulse * apart_v).abs()
     }
 
     /// Of a period in which the PWM drives and the current does not touch zero.
     #[inline]
     fn swing(&self, volts: &Volts, way: Way) -> Swing {
-        self.of_one_ampere.times(self.straight_swing_a(volts, way))
+        self.of_one_ampere.times(self.straight_swing_a(volts.mean_v, &volts.drops, way))
     }
 
     /// Mean current of a period in which it touches zero; at the bound of that beyond.

@@ -14,8 +14,8 @@ const LEAST_RESISTANCE: f64 = 0.05;
 /// A shaft that stops in a step, stands and starts the other way has three phases; it may do so again.
 const MOST_PHASES: usize = 6;
 
-/// Steps of one length.
-#[derive(Clone, Copy, Debug, Default)]
+/// Steps of a motor.
+#[derive(Clone, Copy, Debug)]
 pub struct SwitchedStep {
     resistance_ohm: f64,
     inductance_h: f64,
@@ -23,16 +23,20 @@ pub struct SwitchedStep {
     viscous_friction_nm_s: f64,
     inertia_kg_m2: f64,
     step_s: f64,
-    /// Of a whole step.
-    whole: Length,
+    /// Speed left after a whole step, and gained of a torque.
+    speed_of: [f64; 2],
 }
 
-/// How long the shaft moves one way or stands, and what that makes of its speed.
-#[derive(Clone, Copy, Debug, Default)]
+/// How long the shaft moves one way or stands, and what that makes of speed and current.
+#[derive(Clone, Copy)]
 struct Length {
     length_s: f64,
+    /// Its inverse.
+    per_s: f64,
     /// Speed left, and gained of a torque.
     speed_of: [f64; 2],
+    /// Share of the current that is left.
+    current_left: f64,
 }
 
 /// A current and a speed, and the charge that has flowed until then.
@@ -44,29 +48,29 @@ struct State {
 }
 
 impl SwitchedStep {
-    /// For steps of `step_s`, with `inertia_kg_m2` at the motor's own shaft.
+    /// Of a motor with `inertia_kg_m2` at its own shaft, for steps of `step_s`.
     pub fn new(motor: &MotorParameters, inertia_kg_m2: f64, step_s: f64) -> Self {
-        let step = Self {
+        let mut step = Self {
             resistance_ohm: motor.resistance_ohm,
             inductance_h: motor.inductance_h,
             torque_constant_nm_per_a: motor.torque_constant_nm_per_a,
             viscous_friction_nm_s: motor.viscous_friction_nm_s,
             inertia_kg_m2,
-            step_s,
-            whole: Length::default(),
+            step_s: f64::NAN,
+            speed_of: [0.0; 2],
         };
-        Self { whole: step.length(step_s), ..step }
+        step.set_length(step_s);
+        step
     }
 
-    /// The same with steps of `step_s`, computed anew where that is another length.
-    pub fn set_length(&mut self, motor: &MotorParameters, inertia_kg_m2: f64, step_s: f64) {
-        if (step_s - self.step_s).abs() > SAME_LENGTH_S {
-            *self = Self::new(motor, inertia_kg_m2, step_s);
+    /// The same with steps of `step_s`.
+    #[inline]
+    pub fn set_length(&mut self, step_s: f64) {
+        if (step_s - self.step_s).abs() <= SAME_LENGTH_S {
+            return;
         }
-    }
-
-    fn length(&self, length_s: f64) -> Length {
-        Length { length_s, speed_of: speed_of_torque(self.viscous_friction_nm_s, self.inertia_kg_m2, length_s) }
+        self.step_s = step_s;
+        self.speed_of = speed_of_torque(self.viscous_friction_nm_s, self.inertia_kg_m2, step_s);
     }
 
     /// Current and speed at the end of the step, at this voltage of the bridge.
@@ -75,21 +79,25 @@ impl SwitchedStep {
         let resistance_ohm = (self.resistance_ohm + terms.resistance_ohm).max(LEAST_RESISTANCE * self.resistance_ohm);
         let shaft = Shaft {
             step: self,
-            winding: Winding { resistance_ohm, time_s: self.inductance_h / resistance_ohm, drops_v },
+            winding: Winding {
+                conductance_siemens: 1.0 / resistance_ohm,
+                time_s: self.inductance_h / resistance_ohm,
+                drops_v,
+            },
             driving_v: voltage_v + terms.voltage_v,
             terms,
         };
         let mut state = State { current_a, speed, charge: 0.0 };
-        let mut left = self.whole;
+        let mut left = shaft.length_of(self.step_s, self.speed_of);
         for _ in 0..MOST_PHASES {
-            let (next, passed_s) = shaft.phase(state, left);
+            let (next, passed_s) = shaft.phase(state, &left);
             state = next;
             if passed_s >= left.length_s {
                 return self.reached(state);
             }
-            left = self.length(left.length_s - passed_s);
+            left = shaft.length(left.length_s - passed_s);
         }
-        self.reached(shaft.standing(state, left.length_s))
+        self.reached(shaft.standing(state, &left))
     }
 
     fn reached(&self, state: State) -> Reached {
@@ -107,19 +115,34 @@ struct Shaft<'a> {
 }
 
 impl Shaft<'_> {
+    fn length(&self, length_s: f64) -> Length {
+        let SwitchedStep { viscous_friction_nm_s, inertia_kg_m2, .. } = *self.step;
+        self.length_of(length_s, speed_of_torque(viscous_friction_nm_s, inertia_kg_m2, length_s))
+    }
+
+    #[inline]
+    fn length_of(&self, length_s: f64, speed_of: [f64; 2]) -> Length {
+        let current_left = (-length_s / self.winding.time_s).exp();
+        Length { length_s, per_s: 1.0 / length_s, speed_of, current_left }
+    }
+
     /// Until the shaft stops or starts, or for the whole length: what is reached, and after what time.
-    fn phase(&self, from: State, length: Length) -> (State, f64) {
+    #[inline]
+    fn phase(&self, from: State, length: &Length) -> (State, f64) {
         let sense = if from.speed == 0.0 { self.breaks_free(from.current_a) } else { Some(from.speed.signum()) };
         if let Some(sense) = sense {
             return self.moving(from, sense, length);
         }
-        let end = self.standing(from, length.length_s);
+        let end = self.standing(from, length);
         let Some(sense) = self.breaks_free(end.current_a) else { return (end, length.length_s) };
         let against_nm = sense * self.friction_nm(sense) - self.terms.torque_nm;
         let least_a = against_nm / self.step.torque_constant_nm_per_a;
         let stood_s = self.winding.time_to(from.current_a, self.driving_v, least_a).clamp(0.0, length.length_s);
-        let start = self.standing(from, stood_s);
-        let (end, moved_s) = self.moving(start, sense, self.step.length(length.length_s - stood_s));
+        if stood_s >= length.length_s {
+            return (end, length.length_s);
+        }
+        let start = self.standing(from, &self.length(stood_s));
+        let (end, moved_s) = self.moving(start, sense, &self.length(length.length_s - stood_s));
         (end, stood_s + moved_s)
     }
 
@@ -136,13 +159,13 @@ impl Shaft<'_> {
     }
 
     /// Of a shaft that stands.
-    fn standing(&self, from: State, length_s: f64) -> State {
-        let (current_a, charge) = self.winding.flow(from.current_a, self.driving_v, length_s);
+    fn standing(&self, from: State, length: &Length) -> State {
+        let (current_a, charge) = self.winding.flow(from.current_a, self.driving_v, length);
         State { current_a, speed: 0.0, charge: from.charge + charge }
     }
 
     /// Of a shaft that moves one way, until it stops. The speed on the way is taken for a parabola.
-    fn moving(&self, from: State, sense: f64, length: Length) -> (State, f64) {
+    fn moving(&self, from: State, sense: f64, length: &Length) -> (State, f64) {
         let end = self.moved(from, sense, length);
         let slowing_nm_s = self.step.viscous_friction_nm_s + self.terms.viscous_nm_s;
         let torque_nm = self.driving_nm(from.current_a, sense) - slowing_nm_s * from.speed;
@@ -161,7 +184,7 @@ impl Shaft<'_> {
                 None if sense * end.speed >= 0.0 => return (end, length.length_s),
                 None => break,
             }
-            reached = self.moved(from, sense, self.step.length(passed_s));
+            reached = self.moved(from, sense, &self.length(passed_s));
         }
         (State { speed: 0.0, ..reached }, passed_s)
     }
@@ -172,16 +195,17 @@ impl Shaft<'_> {
     }
 
     /// The same, whether it stops or not.
-    fn moved(&self, from: State, sense: f64, length: Length) -> State {
+    #[inline(always)]
+    fn moved(&self, from: State, sense: f64, length: &Length) -> State {
         let k = self.step.torque_constant_nm_per_a;
         let [decay, gain] = length.speed_of;
+        let slowed = 1.0 / (1.0 + gain * self.terms.viscous_nm_s);
         let mut end = from;
         for _ in 0..ROUNDS {
             let emf_v = 0.5 * k * (from.speed + end.speed);
-            let (current_a, charge) = self.winding.flow(from.current_a, self.driving_v - emf_v, length.length_s);
-            let free = decay * from.speed + gain * self.driving_nm(charge / length.length_s, sense);
-            let speed = free / (1.0 + gain * self.terms.viscous_nm_s);
-            end = State { current_a, speed, charge: from.charge + charge };
+            let (current_a, charge) = self.winding.flow(from.current_a, self.driving_v - emf_v, length);
+            let free = decay * from.speed + gain * self.driving_nm(charge * length.per_s, sense);
+            end = State { current_a, speed: slowed * free, charge: from.charge + charge };
         }
         end
     }
@@ -196,7 +220,8 @@ fn first_root(value: f64, slope: f64, curvature: f64) -> Option<f64> {
 
 /// What a voltage drives a current through.
 struct Winding {
-    resistance_ohm: f64,
+    /// Inverse of its resistance.
+    conductance_siemens: f64,
     /// Its time constant.
     time_s: f64,
     /// Of a positive and of a negative current.
@@ -205,24 +230,26 @@ struct Winding {
 
 impl Winding {
     /// The current after some time at a constant voltage, and the charge until then.
-    fn flow(&self, from_a: f64, driving_v: f64, length_s: f64) -> (f64, f64) {
+    #[inline]
+    fn flow(&self, from_a: f64, driving_v: f64, &Length { length_s, current_left, .. }: &Length) -> (f64, f64) {
         if from_a == 0.0 {
-            return self.rise(driving_v, length_s);
+            return self.rise(driving_v, length_s, current_left);
         }
-        let towards_a = (driving_v - against(from_a, self.drops_v)) / self.resistance_ohm;
-        let decay = (-length_s / self.time_s).exp();
-        let end_a = towards_a + (from_a - towards_a) * decay;
+        let towards_a = (driving_v - against(from_a, self.drops_v)) * self.conductance_siemens;
+        let end_a = towards_a + (from_a - towards_a) * current_left;
         if end_a * from_a >= 0.0 {
-            return (end_a, towards_a * length_s + (from_a - towards_a) * self.time_s * (1.0 - decay));
+            return (end_a, towards_a * length_s + (from_a - towards_a) * self.time_s * (1.0 - current_left));
         }
-        let zero_s = self.time_s * (1.0 - from_a / towards_a).ln();
-        let (end_a, charge) = self.rise(driving_v, length_s - zero_s);
+        let ratio = 1.0 - from_a / towards_a;
+        let zero_s = self.time_s * ratio.ln();
+        // So much is left after the rest of the time.
+        let (end_a, charge) = self.rise(driving_v, length_s - zero_s, current_left * ratio);
         (end_a, charge + towards_a * zero_s + from_a * self.time_s)
     }
 
     /// When a current on its way comes to one that it reaches.
     fn time_to(&self, from_a: f64, driving_v: f64, reached_a: f64) -> f64 {
-        let end_a = |dry_v: f64| (driving_v - dry_v) / self.resistance_ohm;
+        let end_a = |dry_v: f64| (driving_v - dry_v) * self.conductance_siemens;
         let between = |from_a: f64, to_a: f64, end_a: f64| self.time_s * ((from_a - end_a) / (to_a - end_a)).ln();
         let [forward_v, backward_v] = self.drops_v;
         let before_a = end_a(against(from_a, self.drops_v));
@@ -234,12 +261,13 @@ impl Winding {
         to_zero_s + between(0.0, reached_a, after_a)
     }
 
-    /// The same from zero.
-    fn rise(&self, driving_v: f64, length_s: f64) -> (f64, f64) {
+    /// The same from zero; `left`: share of a current that would be left.
+    #[inline]
+    fn rise(&self, driving_v: f64, length_s: f64, left: f64) -> (f64, f64) {
         let [forward_v, backward_v] = self.drops_v;
         let left_v = (driving_v - forward_v).max(0.0) + (driving_v + backward_v).min(0.0);
-        let towards_a = left_v / self.resistance_ohm;
-        let risen = -(-length_s / self.time_s).exp_m1();
+        let towards_a = left_v * self.conductance_siemens;
+        let risen = 1.0 - left;
         (towards_a * risen, towards_a * (length_s - self.time_s * risen))
     }
 }

@@ -10,6 +10,8 @@ pub(crate) mod replay {
     pub const LEAP: f64 = 0.1;
     /// A row with a jump takes steps of this share of the longest: the current may turn round, and with it a drop.
     pub const OF_LEAP: f64 = 0.25;
+    /// Less than this many times as many steps are hardly more: they cost less than another simulation.
+    pub const HARDLY_MORE: f64 = 1.15;
     /// From this many standard deviations of the noise on, a first reading differs from zero.
     pub const NOT_ZERO: f64 = 5.0;
     /// So many ways of cutting are kept: coarse and fine, with and without a shift of the delay.

@@ -7,6 +7,7 @@ use super::channels::excluded;
 use super::command_times::LEAST_GAIN;
 use super::judge::{self, motion_above_floor};
 use super::lateness::{self, JUMP_NATS, at_once, errors, late_s, with_time_constant, without_lag};
+use super::pwm_frequency::usual_bridge;
 use super::select::{SMALL_REST, usual_model};
 use crate::configuration::diagnose::late_readings::{
     ANOTHER, BEGUN, CLOSER, DEAD_BANDS, FIRST_STEP_S, FOLLOWED, LAST_STEP_S, MOST_DEAD, NOT_LATENESS, ROUNDS,
@@ -30,7 +31,9 @@ pub(super) fn settled(data: Dataset, prior: &Prior) -> Dataset {
     }
     let usual = usual_model(&data, prior, &excluded(&data));
     // Readings of the motion are late with those of the current.
-    if motion_above_floor(&data, &usual) < SMALL_REST {
+    let is_small = |rest: &Fit| motion_above_floor(&data, rest) < SMALL_REST;
+    // Many bridges coast in the off phase of the PWM, which nothing late explains.
+    if is_small(&usual) || is_small(&usual_bridge(&data, prior)) {
         return data;
     }
     // What the usual model lacks is mostly the lateness. Later, as much is expected as the best model so far has lacked.

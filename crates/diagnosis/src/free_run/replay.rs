@@ -2,7 +2,9 @@
 //! one delay, so what simulates many models cuts them once.
 
 use super::{Course, Motion, Prediction, Steps, acts_by_angle, longest_step_s, read, run::Run};
-use crate::configuration::free_run::replay::{LEAP, LONGEST_OF_SLOW_S, LONGEST_S, MOST_KEPT, NOT_ZERO, OF_LEAP};
+use crate::configuration::free_run::replay::{
+    HARDLY_MORE, LEAP, LONGEST_OF_SLOW_S, LONGEST_S, MOST_KEPT, NOT_ZERO, OF_LEAP,
+};
 use crate::dataset::{Dataset, Latch, Measured, Output, Stretch, Window};
 use motorbench_model::{Model, SAME_LENGTH_S};
 use std::ops::Range;
@@ -24,12 +26,10 @@ impl<'a> Replay<'a> {
     /// Drives the motor of the model with the recorded command.
     pub fn drive(&self, model: &Model, steps: Steps) -> Motion {
         let data = self.data;
-        let mut motion = Motion::with_capacity(data.len());
+        let mut motion = Motion::not_known(data.len());
         for (stretch, cut) in data.stretches.iter().zip(&*self.cuts(Cutting::of(model, data, steps))) {
-            motion.fill_up_to(stretch.rows.start);
             Run::new(model, data, stretch, cut).whole(&mut motion);
         }
-        motion.fill_up_to(data.len());
         motion
     }
 
@@ -43,6 +43,29 @@ impl<'a> Replay<'a> {
         let motion = self.drive(model, steps);
         let is_possible = model.is_finite() && motion.is_finite(self.data);
         (read(model, self.data, motion), is_possible)
+    }
+
+    /// Steps for differences between simulations: fine ones where the coarse ones are hardly fewer. What was simulated in fine
+    /// ones is then one side of the difference.
+    pub(crate) fn or_fine(&self, model: &Model, steps: Steps) -> Steps {
+        let count = |steps: Steps| {
+            let cutting = Cutting::of(model, self.data, steps);
+            self.data
+                .stretches
+                .iter()
+                .map(|stretch| self.steps_of(stretch, cutting.longest_step_s(stretch)))
+                .sum::<f64>()
+        };
+        if steps == Steps::Coarse && count(Steps::Fine) < HARDLY_MORE * count(steps) { Steps::Fine } else { steps }
+    }
+
+    /// Roughly the number of steps of a stretch.
+    fn steps_of(&self, stretch: &Stretch, longest_step_s: f64) -> f64 {
+        let rows = stretch.rows.clone().skip(1);
+        let leaps = rows.filter(|row| leaps(self.data, row - 1, *row)).count() as f64;
+        let in_a_row = |longest_step_s: f64| (stretch.interval_s / longest_step_s - 1e-6).ceil().max(1.0);
+        let others = stretch.rows.len() as f64 - leaps;
+        others * in_a_row(longest_step_s) + leaps * in_a_row(OF_LEAP * longest_step_s)
     }
 
     fn cuts(&self, cutting: Cutting) -> Arc<[Cut]> {
@@ -190,6 +213,11 @@ fn first_speed(motion: &Measured, stretch: &Stretch) -> f64 {
         }
         _ => 0.0,
     }
+}
+
+/// Whether the voltage jumps from the command of one sample to that of another: the current may turn round.
+fn leaps(data: &Dataset, from: usize, to: usize) -> bool {
+    (data.command[to] - data.command[from]).abs() > LEAP * data.supply_v[from]
 }
 
 /// Cuts a stretch.
@@ -381,9 +409,8 @@ impl<'a> Knife<'a> {
         if row + 1 < self.range.end { self.acts_s(index, row + 1) } else { f64::INFINITY }
     }
 
-    /// Whether the voltage jumps from the command of one sample to that of another: the current may turn round.
     fn leaps(&self, from: usize, to: usize) -> bool {
-        (self.data.command[to] - self.data.command[from]).abs() > LEAP * self.data.supply_v[from]
+        leaps(self.data, from, to)
     }
 
     /// The sample whose command acts until sample `index`.

@@ -9,7 +9,6 @@ use motorbench_data::rig;
 use motorbench_model::between_rows::Bulge;
 use motorbench_model::catalogue::{ActsOn, Balance, Effect, Instant};
 use motorbench_model::linear::motor_model::TimeConstants;
-use motorbench_model::motor::MotorParameters;
 use motorbench_model::pwm_period::{Course, Ripple};
 use motorbench_model::{Input, Late, LinearSteps, Model, Reached, SAME_LENGTH_S, SwitchedStep, Term, volts};
 use std::collections::VecDeque;
@@ -87,8 +86,8 @@ fn share_of_period(periods: f64) -> f64 {
     periods - periods.floor()
 }
 
-/// A term of the model, with its state.
-struct Acting<'a> {
+/// A term of the model whose contribution differs from step to step, with its state.
+struct Varying<'a> {
     effect: &'static dyn Effect,
     values: &'a [f64],
     state: Vec<f64>,
@@ -100,9 +99,10 @@ pub(super) struct Run<'a> {
     data: &'a Dataset,
     cut: &'a Cut,
     range: Range<usize>,
-    inertia_kg_m2: f64,
     stepper: Stepper,
-    acting: Vec<Acting<'a>>,
+    /// What the effects contribute whose terms are the same in each step.
+    steady: Balance<'static>,
+    varying: Vec<Varying<'a>>,
     current_a: f64,
     speed_rad_per_s: f64,
     acceleration_rad_per_s2: f64,
@@ -120,7 +120,9 @@ pub(super) struct Run<'a> {
     /// Difference of the current at its sampling time from its mean over the PWM period.
     ripple_a: f64,
     filter: Option<Filter>,
-    /// The last steps, as far back as the window of the current.
+    /// Whether the current is averaged over a window of steps.
+    has_window: bool,
+    /// The last steps, as far back as that window.
     lately: VecDeque<Passed>,
     /// Whether anything depends on the ripple of the current.
     has_ripple: bool,
@@ -139,18 +141,16 @@ struct Stepper {
 impl Stepper {
     /// From a current and a speed.
     #[inline]
-    fn take(
+    fn take<const AS_IT_IS: bool>(
         &mut self,
-        motor: &MotorParameters,
-        inertia_kg_m2: f64,
         step_s: f64,
         (current_a, speed_rad_per_s): (f64, f64),
         (input, change): (Input, Option<Change>),
         terms: &Balance,
     ) -> Reached {
         match (&mut self.switched, input) {
-            (Some(step), Input::Voltage(voltage_v)) if !terms.drops_with_the_mean() => {
-                step.set_length(motor, inertia_kg_m2, step_s);
+            (Some(step), Input::Voltage(voltage_v)) if !AS_IT_IS && !terms.drops_with_the_mean() => {
+                step.set_length(step_s);
                 step.take(current_a, speed_rad_per_s, voltage_v, terms)
             }
             _ => {
@@ -164,30 +164,32 @@ impl Stepper {
     }
 }
 
-/// Conditions of the previous step.
+/// Conditions of the previous step; its ripple is that of the duty until this changes.
 #[derive(Clone, Copy)]
 struct Before {
     at: Instant,
-    /// But for its ripple.
+    /// Without the ripple.
     terms: Balance<'static>,
-    ripple: Ripple,
-}
-
-impl Before {
-    fn terms(&self) -> Balance<'_> {
-        Balance { ripple: &self.ripple, ..self.terms }
-    }
 }
 
 impl<'a> Run<'a> {
     pub(super) fn new(model: &'a Model, data: &'a Dataset, stretch: &Stretch, cut: &'a Cut) -> Self {
         let (current_a, speed_rad_per_s) = cut.begins_with;
-        let acting = model.in_turn(|effect| effect.acts_on_motor()).into_iter().map(|term| Acting {
-            effect: term.effect,
-            values: &term.values,
-            state: term.effect.begins(speed_rad_per_s),
+        let mut acting = model.in_turn(|effect| effect.acts_on_motor());
+        let acts_on_voltage = acting.iter().any(|term| term.effect.about().acts_on.contains(&ActsOn::Voltage));
+        // Of one turn they act in any order. Those of a later one may depend on one that varies.
+        let is_steady = |term: &&Term| term.effect.is_steady(&term.values);
+        acting.sort_by_key(|term| (term.turn(), !is_steady(term)));
+        let (steady, varying) = acting.split_at(acting.iter().take_while(|term| is_steady(term)).count());
+        let mut sum = Balance { dry_drop_v: data.origin.hidden_drop_v, ..Balance::default() };
+        for Term { effect, values } in steady {
+            effect.contribute(values, &model.motor, &Instant::default(), &mut [], &mut sum);
+        }
+        let varying = varying.iter().map(|Term { effect, values }| Varying {
+            effect: *effect,
+            values,
+            state: effect.begins(speed_rad_per_s),
         });
-        let acting: Vec<Acting> = acting.collect();
         let inertia_kg_m2 = if data.is_held(stretch) { HELD_KG_M2 } else { inertia_kg_m2(model) };
         let of_the_angle = model.terms.iter().filter(|term| term.effect.about().acts_on == [ActsOn::AngleSensor]);
         Self {
@@ -195,18 +197,17 @@ impl<'a> Run<'a> {
             data,
             cut,
             range: stretch.rows.clone(),
-            inertia_kg_m2,
             stepper: Stepper {
                 linear: LinearSteps::new(&model.motor, inertia_kg_m2),
-                switched: data.is_switched().then(SwitchedStep::default),
+                switched: data.is_switched().then(|| SwitchedStep::new(&model.motor, inertia_kg_m2, data.interval_s)),
             },
             filter: Filter::of(model, data),
+            has_window: data.is_switched() && data.origin.current_window_s > 0.0,
             lately: VecDeque::new(),
             acts_by_angle: acts_by_angle(model),
-            has_ripple: data.current().is_some()
-                || data.origin.hidden_drop_v != 0.0
-                || acting.iter().any(|Acting { effect, .. }| effect.about().acts_on.contains(&ActsOn::Voltage)),
-            acting,
+            has_ripple: data.current().is_some() || data.origin.hidden_drop_v != 0.0 || acts_on_voltage,
+            steady: sum,
+            varying: varying.collect(),
             current_a,
             speed_rad_per_s,
             acceleration_rad_per_s2: 0.0,
@@ -221,18 +222,36 @@ impl<'a> Run<'a> {
         }
     }
 
-    pub(super) fn whole(mut self, motion: &mut Motion) {
-        let means = self.data.origin.timing.readings == rig::Readings::Mean;
+    pub(super) fn whole(self, motion: &mut Motion) {
+        // Compiled twice: mostly a reading is the motor's state and nothing else, and what the others need takes long.
+        if self.is_read_as_it_is() { self.rows::<true>(motion) } else { self.rows::<false>(motion) }
+    }
+
+    /// Whether each current is that of its instant, as a mean over the period of the PWM, and each angle that of the shaft.
+    fn is_read_as_it_is(&self) -> bool {
+        let Self { data, stepper, filter, angle_sensor, .. } = self;
+        let has_ripple = data.axis.drive.is_voltage() && data.origin.current_sampled_at(0.0).is_some();
+        let is_mean = data.origin.timing.readings == rig::Readings::Mean;
+        !has_ripple && !is_mean && stepper.switched.is_none() && filter.is_none() && angle_sensor.is_empty()
+    }
+
+    fn rows<const AS_IT_IS: bool>(mut self, motion: &mut Motion) {
+        let means = !AS_IT_IS && self.data.origin.timing.readings == rig::Readings::Mean;
         for index in self.range.clone() {
-            let current_a = if index > self.range.start && means { self.mean_a } else { self.over_window_a() };
-            let behind_a = self.filter.as_ref().map_or(0.0, |filter| filter.behind_a);
-            motion.current_a.push(current_a - behind_a + self.ripple_a);
-            motion.bulge_a.push(if means { 0.0 } else { self.bulge_a });
-            motion.speed_rad_per_s.push(self.speed_rad_per_s);
-            motion.angle_rad.push(self.angle_rad);
-            motion.shaft_rad.push(self.shaft_rad(self.data.angle_rad[index]));
+            let current_a = match AS_IT_IS {
+                true => self.current_a,
+                false if index > self.range.start && means => self.mean_a,
+                false => self.over_window_a(),
+            };
+            let behind_a = self.filter.as_ref().filter(|_| !AS_IT_IS).map_or(0.0, |filter| filter.behind_a);
+            let measured_rad = self.data.angle_rad[index];
+            motion.current_a[index] = current_a - behind_a + self.ripple_a;
+            motion.bulge_a[index] = if means { 0.0 } else { self.bulge_a };
+            motion.speed_rad_per_s[index] = self.speed_rad_per_s;
+            motion.angle_rad[index] = self.angle_rad;
+            motion.shaft_rad[index] = if AS_IT_IS { measured_rad } else { self.shaft_rad(measured_rad) };
             if index + 1 < self.range.end {
-                self.until(index + 1);
+                self.until::<AS_IT_IS>(index + 1);
             }
         }
     }
@@ -245,27 +264,28 @@ impl<'a> Run<'a> {
     }
 
     /// Simulates up to the sample `next`.
-    fn until(&mut self, next: usize) {
+    #[inline]
+    fn until<const AS_IT_IS: bool>(&mut self, next: usize) {
         let (data, cut) = (self.data, self.cut);
         let index = next - 1;
         let interval_s = data.time_s[next] - data.time_s[index];
         let is_voltage = data.axis.drive.is_voltage();
         // Where every edge is simulated, so is the ripple.
-        let is_averaged = is_voltage && self.stepper.switched.is_none();
-        let sampled_at = data.origin.current_sampled_at(data.time_s[next]).filter(|_| is_averaged);
+        let is_averaged = is_voltage && !AS_IT_IS && self.stepper.switched.is_none();
+        let sampled_at = if is_averaged { data.origin.current_sampled_at(data.time_s[next]) } else { None };
         let (mut charge, first_a) = (0.0, self.current_a);
         for piece in cut.row(index - self.range.start) {
-            charge += piece.length_s * self.simulate(index, piece, sampled_at.is_some());
+            charge += piece.length_s * self.simulate::<AS_IT_IS>(index, piece, sampled_at.is_some());
         }
         if let Some((sampled_at, before)) = sampled_at.zip(self.before.as_ref()) {
-            let course = self.course(&before.at, &before.terms());
+            let course = self.course(&before.at, &before.terms);
             let above_a = |(course, since_pulse): (Course, f64)| match &self.filter {
                 None => course.above_mean_a(share_of_period(since_pulse)),
                 Some(filter) => course.filtered_above_mean_a(share_of_period(since_pulse), filter.memory),
             };
             self.ripple_a = course.map_or(0.0, |(course, pulse)| above_a((course, sampled_at - pulse)));
         }
-        for term in &self.angle_sensor {
+        for term in self.angle_sensor.iter().filter(|_| !AS_IT_IS) {
             self.lost_rad += term.effect.lost_rad_per_s(&term.values, self.speed_rad_per_s) * interval_s;
         }
         self.mean_a = charge / interval_s;
@@ -274,21 +294,54 @@ impl<'a> Run<'a> {
 
     /// One step after sample `index`; returns the mean current over it. `is_kept`: its conditions are needed later.
     #[inline]
-    fn simulate(&mut self, index: usize, piece: &Piece, is_kept: bool) -> f64 {
+    fn simulate<const AS_IT_IS: bool>(&mut self, index: usize, piece: &Piece, is_kept: bool) -> f64 {
         let data = self.data;
         let input = data.axis.drive.input(piece.command, piece.open);
+        if is_kept && self.changes_duty(piece.duty) {
+            self.change_duty(&self.instant(index, piece, input));
+        }
+        if self.has_ripple {
+            self.change_ripple(piece.duty);
+        }
+        let torque_nm = self.steady.torque_nm - data.load_nm[index];
+        let steady = Balance { torque_nm, ..self.steady };
+        if self.varying.is_empty() && !is_kept {
+            return self.take::<AS_IT_IS>(piece, input, steady);
+        }
+        let mut at = self.instant(index, piece, input);
+        let mut terms = Balance { ripple: &self.driven.1, ..steady };
+        for Varying { effect, values, state } in &mut self.varying {
+            effect.contribute(values, &self.model.motor, &at, state, &mut terms);
+        }
+        let terms = Balance { ripple: &Ripple::NONE, ..terms };
+        let mean_a = self.take::<AS_IT_IS>(piece, input, terms);
+        (at.current_a, at.speed_rad_per_s) = (self.current_a, self.speed_rad_per_s);
+        for Varying { effect, values, state } in &mut self.varying {
+            if !state.is_empty() {
+                effect.advance(values, &self.model.motor, &at, state);
+            }
+        }
+        if is_kept {
+            self.before = Some(Before { at, terms });
+        }
+        mean_a
+    }
+
+    /// The motor at the begin of a step.
+    #[inline]
+    fn instant(&self, index: usize, piece: &Piece, input: Input) -> Instant {
         let (voltage_v, current_a) = match input {
             Input::Voltage(voltage_v) => (voltage_v, self.current_a),
             // A bridge that has just been switched off ends the current of this instant.
-            Input::Current(_) if data.axis.drive.is_voltage() => (piece.command, self.current_a),
+            Input::Current(_) if self.data.axis.drive.is_voltage() => (piece.command, self.current_a),
             Input::Current(imposed_a) => (0.0, imposed_a),
         };
-        let mut at = Instant {
+        Instant {
             time_s: piece.time_s,
             voltage_v,
             duty: piece.duty,
             mean_duty: piece.mean_duty,
-            supply_v: data.supply_v[index],
+            supply_v: self.data.supply_v[index],
             open: matches!(input, Input::Current(_)),
             current_a,
             speed_rad_per_s: self.speed_rad_per_s,
@@ -296,61 +349,35 @@ impl<'a> Run<'a> {
             angle_rad: if self.acts_by_angle { self.shaft_rad(piece.angle_rad) } else { 0.0 },
             turned_rad: piece.turned_rad,
             step_s: piece.length_s,
-        };
-        if is_kept {
-            self.change_duty(&mut at);
         }
-        self.advance(&mut at, (input, piece.change), data.load_nm[index], is_kept)
     }
 
-    /// The mean current over the step.
-    #[inline]
-    fn advance(&mut self, at: &mut Instant, input: (Input, Option<Change>), load_nm: f64, is_kept: bool) -> f64 {
-        let motor = &self.model.motor;
-        if self.has_ripple {
-            self.change_ripple(at.duty);
+    /// Takes the motor over a step, with terms that lack the ripple; returns the mean current.
+    #[inline(always)]
+    fn take<const AS_IT_IS: bool>(&mut self, piece: &Piece, input: Input, terms: Balance) -> f64 {
+        let step_s = piece.length_s;
+        let terms = Balance { ripple: &self.driven.1, ..terms };
+        let from = (self.current_a, self.speed_rad_per_s);
+        let reached = self.stepper.take::<AS_IT_IS>(step_s, from, (input, piece.change), &terms);
+        let Reached { current_a, speed_rad_per_s, mean_a } = reached;
+        if !AS_IT_IS && let Some(filter) = &mut self.filter {
+            filter.follow(from.0, &reached, step_s);
         }
-        let ripple = &self.driven.1;
-        let dry_drop_v = self.data.origin.hidden_drop_v;
-        let mut terms = Balance { torque_nm: -load_nm, dry_drop_v, ripple, ..Balance::default() };
-        for Acting { effect, values, state } in &mut self.acting {
-            effect.contribute(values, motor, at, state, &mut terms);
+        if !AS_IT_IS && self.has_window {
+            self.lately.push_back(Passed { length_s: step_s, begin_a: from.0, mean_a, end_a: current_a });
         }
-        let before = self.speed_rad_per_s;
-        let first_a = self.current_a;
-        let from = (first_a, self.speed_rad_per_s);
-        let reached = self.stepper.take(motor, self.inertia_kg_m2, at.step_s, from, input, &terms);
-        (self.current_a, self.speed_rad_per_s) = (reached.current_a, reached.speed_rad_per_s);
-        if let Some(filter) = &mut self.filter {
-            filter.follow(first_a, &reached, at.step_s);
-        }
-        self.acceleration_rad_per_s2 = (self.speed_rad_per_s - before) / at.step_s;
-        self.angle_rad += 0.5 * (before + self.speed_rad_per_s) * at.step_s;
-        at.current_a = self.current_a;
-        at.speed_rad_per_s = self.speed_rad_per_s;
-        for Acting { effect, values, state } in &mut self.acting {
-            if !state.is_empty() {
-                effect.advance(values, motor, at, state);
-            }
-        }
-        if is_kept {
-            let without = Balance { ripple: &Ripple::NONE, ..terms };
-            self.before = Some(Before { at: *at, terms: without, ripple: *ripple });
-        }
-        if self.stepper.switched.is_some() {
-            let Reached { mean_a, current_a: end_a, .. } = reached;
-            self.lately.push_back(Passed { length_s: at.step_s, begin_a: first_a, mean_a, end_a });
-        }
-        reached.mean_a
+        self.acceleration_rad_per_s2 = (speed_rad_per_s - from.1) / step_s;
+        self.angle_rad += 0.5 * (from.1 + speed_rad_per_s) * step_s;
+        (self.current_a, self.speed_rad_per_s) = (current_a, speed_rad_per_s);
+        mean_a
     }
 
     /// The current as its sensor averages it. Where no edges are simulated, that is left to the reading.
     fn over_window_a(&mut self) -> f64 {
-        let window_s = self.data.origin.current_window_s;
-        if self.stepper.switched.is_none() || window_s == 0.0 {
-            self.lately.clear();
+        if !self.has_window {
             return self.current_a;
         }
+        let window_s = self.data.origin.current_window_s;
         let (mut charge, mut length_s) = (0.0, 0.0);
         let mut needed = 0;
         let winding_s = TimeConstants::of(&self.model.motor).electromagnetic_s;
@@ -368,24 +395,26 @@ impl<'a> Run<'a> {
         if length_s > 0.0 { charge / length_s } else { self.current_a }
     }
 
+    /// Whether a PWM that drives, or a start from rest, comes to another duty.
+    #[inline]
+    fn changes_duty(&self, duty: f64) -> bool {
+        match &self.before {
+            Some(Before { at, .. }) => at.duty != duty && !at.open,
+            None => self.cut.begins_with == (0.0, 0.0),
+        }
+    }
+
     /// Where the duty changes, the current is continuous. So its mean jumps by the difference of the ripple. Between the two
     /// directions, and at a start from rest, that is the whole ripple. It decays with the winding, as with a smaller
     /// inductance.
-    fn change_duty(&mut self, at: &mut Instant) {
-        let before = match &self.before {
-            Some(before) if before.at.duty == at.duty || before.at.open => return,
-            None if self.cut.begins_with != (0.0, 0.0) => return,
-            before => *before,
-        };
+    fn change_duty(&mut self, at: &Instant) {
         let takes_at = self.data.origin.takes_duty_at(at.time_s);
-        let (above_a, terms) = match before {
-            Some(before) => (self.above_mean_a(&before.at, &before.terms(), takes_at), before.terms),
-            None => (0.0, Balance { ripple: &Ripple::NONE, ..Balance::default() }),
+        let (above_a, terms) = match &self.before {
+            Some(before) => (self.above_mean_a(&before.at, &before.terms, takes_at), before.terms),
+            None => (0.0, Balance::default()),
         };
         self.change_ripple(at.duty);
-        let terms = Balance { ripple: &self.driven.1, ..terms };
         self.current_a += above_a - self.above_mean_a(at, &terms, takes_at);
-        at.current_a = self.current_a;
     }
 
     /// The PWM with a duty, which is the same for many steps.
@@ -407,7 +436,7 @@ impl<'a> Run<'a> {
         let is_driven = !at.open && at.duty != 0.0;
         is_driven.then(|| {
             let volts = volts(&self.model.motor, at.current_a, at.speed_rad_per_s, at.voltage_v, terms);
-            (terms.ripple.course(at.current_a, &volts), self.data.origin.pulse.begins_at(at.duty))
+            (self.driven.1.course(at.current_a, &volts), self.data.origin.pulse.begins_at(at.duty))
         })
     }
 }

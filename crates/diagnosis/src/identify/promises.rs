@@ -46,7 +46,7 @@ fn lines(effect: &dyn Effect, start: &[f64], change: impl Fn(Vec<f64>) -> Vec<f6
 impl Fit {
     /// Expected gain of each effect outside the model (score test; Rao 1948), with its best start, best first.
     pub fn promises(&self, replay: &Replay, scales: &Scales, excluded: &[&str]) -> Vec<Promise> {
-        let base = Base::new(&self.model, replay, Steps::Coarse);
+        let base = Base::new(&self.model, replay, Steps::Coarse, &self.residual);
         // Computed before the threads start: otherwise they would wait for each other.
         self.sensitivities(replay.data);
         let candidates: Vec<(usize, Vec<f64>)> = CATALOGUE
@@ -188,7 +188,7 @@ impl Fit {
     /// and their priors cannot take of it.
     pub fn would_gain(&self, data: &Dataset, effect: &'static dyn Effect, values: Vec<f64>) -> f64 {
         let replay = Replay::new(data);
-        let base = Base::new(&self.model, &replay, Steps::Coarse);
+        let base = Base::new(&self.model, &replay, Steps::Coarse, &self.residual);
         let line = base.change(&self.model.with(effect, values), effect.changes_motion());
         let (Sensitivities { columns, .. }, inverse) = self.sensitivities(data);
         let along = DVector::from_iterator(columns.len(), columns.iter().map(|column| dot(column, &line)));

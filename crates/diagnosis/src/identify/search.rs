@@ -102,13 +102,22 @@ impl<'a> Search<'a> {
     fn descend(&mut self, effort: Effort) -> Option<Sensitivities> {
         let steps = effort.sensitivities;
         let simulated = |search: &Self| Known {
-            sensitivities: Sensitivities::simulated(&search.at.model, search.replay, &search.unknowns, steps),
+            sensitivities: {
+                let Point { model, residual, .. } = &search.at;
+                Sensitivities::simulated(model, residual, search.replay, &search.unknowns, steps)
+            },
             is_simulated: true,
         };
         let mut known = self.near.map_or_else(
             || simulated(self),
             |near| Known {
-                sensitivities: Sensitivities::near(near, &self.at.model, self.replay, &self.unknowns, steps),
+                sensitivities: Sensitivities::near(
+                    near,
+                    (&self.at.model, &self.at.residual),
+                    self.replay,
+                    &self.unknowns,
+                    steps,
+                ),
                 is_simulated: false,
             },
         );

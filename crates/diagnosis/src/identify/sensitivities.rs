@@ -8,28 +8,39 @@ use maybe_rayon::prelude::*;
 use motorbench_model::catalogue::{Balance, Effect};
 use motorbench_model::{Model, Term};
 use nalgebra::{DMatrix, DVector};
+use std::borrow::Cow;
 use std::sync::OnceLock;
 
 /// A simulation that others are compared with.
 pub(super) struct Base<'a> {
     pub replay: &'a Replay<'a>,
+    model: &'a Model,
     steps: Steps,
-    motion: Motion,
-    residual: Vec<f64>,
+    motion: OnceLock<Motion>,
+    residual: Cow<'a, [f64]>,
 }
 
 impl<'a> Base<'a> {
-    pub fn new(model: &Model, replay: &'a Replay<'a>, steps: Steps) -> Self {
-        let motion = replay.drive(model, steps);
-        let residual = weighted_residual(replay.data, &read(model, replay.data, motion.clone()));
-        Self { replay, steps, motion, residual }
+    /// `fine`: the weighted residual of the model in fine steps.
+    pub fn new(model: &'a Model, replay: &'a Replay<'a>, steps: Steps, fine: &'a [f64]) -> Self {
+        let steps = replay.or_fine(model, steps);
+        let mut base = Self { replay, model, steps, motion: OnceLock::new(), residual: Cow::Borrowed(fine) };
+        if steps != Steps::Fine {
+            let prediction = read(model, replay.data, base.motion().clone());
+            base.residual = Cow::Owned(weighted_residual(replay.data, &prediction));
+        }
+        base
+    }
+
+    fn motion(&self) -> &Motion {
+        self.motion.get_or_init(|| self.replay.drive(self.model, self.steps))
     }
 
     /// Difference of the weighted residual of another model; `motion`: whether its motor moves differently.
     pub fn change(&self, other: &Model, motion: bool) -> Vec<f64> {
         let prediction = match motion {
             true => read(other, self.replay.data, self.replay.drive(other, self.steps)),
-            false => read(other, self.replay.data, self.motion.clone()),
+            false => read(other, self.replay.data, self.motion().clone()),
         };
         self.change_to(&prediction)
     }
@@ -37,7 +48,7 @@ impl<'a> Base<'a> {
     /// The same by the linear motor's response to the torque and the voltage that an effect adds, to the first order.
     pub fn change_by_linear_response(&self, model: &Model, effect: &dyn Effect, values: &[f64]) -> Vec<f64> {
         let data = self.replay.data;
-        let motion = nudged(model, data, &self.motion, |at| {
+        let motion = nudged(model, data, self.motion(), |at| {
             let mut terms = Balance::default();
             effect.contribute(values, &model.motor, at, &mut [], &mut terms);
             terms
@@ -47,7 +58,7 @@ impl<'a> Base<'a> {
 
     fn change_to(&self, prediction: &Prediction) -> Vec<f64> {
         let mut change = weighted_residual(self.replay.data, prediction);
-        change.iter_mut().zip(&self.residual).for_each(|(there, here)| *there -= here);
+        change.iter_mut().zip(&*self.residual).for_each(|(there, here)| *there -= here);
         change
     }
 }
@@ -62,13 +73,13 @@ struct Differences<'a> {
 }
 
 impl<'a> Differences<'a> {
-    fn new(model: &'a Model, replay: &'a Replay<'a>, steps: Steps) -> Self {
+    fn new(model: &'a Model, replay: &'a Replay<'a>, steps: Steps, fine: &'a [f64]) -> Self {
         let data = replay.data;
         let is_at_edges = |effect: &dyn Effect| data.is_switched() && effect.is_of_switching();
         let has_events = model.terms.iter().any(|Term { effect, .. }| effect.has_events() && !is_at_edges(*effect));
         Self {
             model,
-            base: Base::new(model, replay, steps),
+            base: Base::new(model, replay, steps, fine),
             both_sides: data.current().is_none(),
             difference: if has_events { DIFFERENCE_OVER_EVENTS } else { DIFFERENCE },
         }
@@ -102,13 +113,19 @@ pub(super) struct Sensitivities {
 }
 
 impl Sensitivities {
-    /// Computed by finite differences, on all cores.
-    pub fn simulated(model: &Model, replay: &Replay, unknowns: &[Unknown], steps: Steps) -> Self {
-        Self::beside(|_| None, model, replay, unknowns, steps)
+    /// Computed by finite differences, on all cores. `fine`: the weighted residual of the model in fine steps.
+    pub fn simulated(model: &Model, fine: &[f64], replay: &Replay, unknowns: &[Unknown], steps: Steps) -> Self {
+        Self::beside(|_| None, (model, fine), replay, unknowns, steps)
     }
 
     /// Those of a fit to the same data, as far as they are known. Only the others are simulated.
-    pub fn near(fit: &Fit, model: &Model, replay: &Replay, unknowns: &[Unknown], steps: Steps) -> Self {
+    pub fn near(
+        fit: &Fit,
+        (model, fine): (&Model, &[f64]),
+        replay: &Replay,
+        unknowns: &[Unknown],
+        steps: Steps,
+    ) -> Self {
         let of_the_same = |unknown: &Unknown| {
             let (Self { columns, .. }, _) = fit.sensitivities.get()?;
             let place = unknown.place.in_another(model, &fit.model)?;
@@ -116,19 +133,19 @@ impl Sensitivities {
             let per_size = unknown.size / fit.unknowns[index].size;
             Some(columns[index].iter().map(|change| per_size * change).collect())
         };
-        Self::beside(of_the_same, model, replay, unknowns, steps)
+        Self::beside(of_the_same, (model, fine), replay, unknowns, steps)
     }
 
     /// `known`: the columns that need no simulation.
     fn beside(
         known: impl Fn(&Unknown) -> Option<Vec<f64>> + Sync,
-        model: &Model,
+        (model, fine): (&Model, &[f64]),
         replay: &Replay,
         unknowns: &[Unknown],
         steps: Steps,
     ) -> Self {
         let differences = OnceLock::new();
-        let differences = || differences.get_or_init(|| Differences::new(model, replay, steps));
+        let differences = || differences.get_or_init(|| Differences::new(model, replay, steps, fine));
         let mut columns: Vec<Vec<f64>> = unknowns
             .into_par_iter()
             .map(|unknown| known(unknown).unwrap_or_else(|| differences().of(unknown)))

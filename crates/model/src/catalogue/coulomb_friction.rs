@@ -45,6 +45,10 @@ impl Law for CoulombFriction {
         -2
     }
 
+    fn is_steady(&self, _values: &[f64]) -> bool {
+        true
+    }
+
     fn contribute(
         &self,
         values: &[f64],

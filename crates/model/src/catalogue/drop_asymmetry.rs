@@ -37,6 +37,10 @@ impl Law for DropAsymmetry {
     }
 
     /// The drop is greater one way and smaller the other by as much: that is a voltage in series.
+    fn is_steady(&self, _values: &[f64]) -> bool {
+        true
+    }
+
     fn contribute(
         &self,
         values: &[f64],

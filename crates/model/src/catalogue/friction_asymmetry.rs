@@ -42,6 +42,10 @@ impl Law for FrictionAsymmetry {
         }
     }
 
+    fn is_steady(&self, _values: &[f64]) -> bool {
+        true
+    }
+
     fn contribute(
         &self,
         values: &[f64],

@@ -46,7 +46,7 @@ impl std::iter::Sum for DryLosses {
 }
 
 /// The bench at one instant.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Instant {
     /// When the step about to be taken begins, since the start of the recording.
     pub time_s: f64,
@@ -236,6 +236,11 @@ pub trait Law: Sync {
         if let Some(wave) = self.wave(values) {
             balance.torque_nm += wave.mean_torque_nm(at.angle_rad, at.turned_rad);
         }
+    }
+
+    /// Whether the terms that it adds are the same at every instant: a simulation computes them once.
+    fn is_steady(&self, _values: &[f64]) -> bool {
+        false
     }
 
     /// Takes its memory over the step that ended at `at`.

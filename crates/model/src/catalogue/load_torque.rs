@@ -29,6 +29,10 @@ impl Law for LoadTorque {
         &ABOUT
     }
 
+    fn is_steady(&self, _values: &[f64]) -> bool {
+        true
+    }
+
     fn contribute(
         &self,
         values: &[f64],

@@ -142,6 +142,8 @@ pub fn effect(id: &str) -> Option<&'static dyn Effect> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::axis::Drive;
+    use crate::motor::MotorParameters;
 
     #[test]
     fn identifiers_are_unique_and_references_exist() {
@@ -170,5 +172,53 @@ mod tests {
                 assert!(!group.is_empty() && group.end <= about.parameters.len(), "{}", about.id);
             }
         }
+    }
+
+    /// A simulation computes such terms once.
+    #[test]
+    fn what_is_steady_adds_the_same_at_every_instant() {
+        let motor = MotorParameters::PIVT6;
+        let scales = Scales {
+            drive: Drive::Voltage,
+            motor,
+            voltage_v: 12.0,
+            supply_v: 12.0,
+            speed_rad_per_s: 100.0,
+            current_a: 1.0,
+            duration_s: 10.0,
+            interval_s: 1e-3,
+            pwm_hz: 1000.0,
+        };
+        let instants = [
+            Instant { duty: 0.3, voltage_v: 3.6, supply_v: 12.0, step_s: 1e-3, ..Instant::default() },
+            Instant {
+                time_s: 4.0,
+                voltage_v: -9.0,
+                duty: -0.75,
+                mean_duty: -0.75,
+                supply_v: 12.0,
+                open: true,
+                current_a: -0.8,
+                speed_rad_per_s: -70.0,
+                middle_rad_per_s: -70.0,
+                angle_rad: 2.0,
+                turned_rad: -0.07,
+                step_s: 1e-3,
+            },
+        ];
+        let mut steady = 0;
+        for effect in CATALOGUE {
+            for values in effect.starts(&scales).into_iter().filter(|values| effect.is_steady(values)) {
+                assert!(effect.acts_on_motor() && effect.begins(0.0).is_empty(), "{}", effect.about().id);
+                let [at_rest, in_motion] = instants.map(|at| {
+                    let mut sum = Balance { dry_forward_nm: 1e-2, dry_backward_nm: 1e-2, ..Balance::default() };
+                    effect.contribute(&values, &motor, &at, &mut [], &mut sum);
+                    format!("{sum:?}")
+                });
+                assert_eq!(at_rest, in_motion, "{} {values:?}", effect.about().id);
+                steady += 1;
+            }
+        }
+        assert!(steady > 0);
     }
 }

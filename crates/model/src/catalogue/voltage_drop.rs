@@ -109,6 +109,10 @@ impl Law for VoltageDrop {
         values[1..] == [0.0; 5]
     }
 
+    fn is_steady(&self, values: &[f64]) -> bool {
+        values[3] == 0.0 && values[5] == 0.0
+    }
+
     fn contribute(
         &self,
         values: &[f64],
