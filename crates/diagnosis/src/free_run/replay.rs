@@ -7,6 +7,7 @@ use crate::configuration::free_run::replay::{
 };
 use crate::dataset::{Dataset, Latch, Measured, Output, Stretch, Window};
 use motorbench_model::{Model, SAME_LENGTH_S};
+use std::cell::Cell;
 use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -235,6 +236,8 @@ struct Knife<'a> {
     /// Whether neither current nor motion shows that the first command acted before its row.
     from_rest: bool,
     by_angle: bool,
+    /// The sample that was found last.
+    recent: Cell<usize>,
 }
 
 impl<'a> Knife<'a> {
@@ -258,6 +261,7 @@ impl<'a> Knife<'a> {
             acts_within: delay_s > 0.0 || delay_growth != 0.0 || data.has_moments() || may_wait,
             may_wait,
             by_angle: cutting.by_angle,
+            recent: Cell::new(stretch.rows.start),
         }
     }
 
@@ -455,15 +459,16 @@ impl<'a> Knife<'a> {
         if data.has_moments() {
             return (self.range.start..=last).rev().find(|row| data.acts_from_s(*row) <= at_s);
         }
-        let rows_s = &data.time_s[self.range.start..=last];
-        // It is mostly one of the last rows.
-        let mut back = 1;
-        while back < rows_s.len() && rows_s[rows_s.len() - back] > at_s {
-            back *= 2;
+        // Mostly the one that was found last, or one beside it.
+        let (first, mut row) = (self.range.start, self.recent.get().min(last));
+        while row < last && data.time_s[row + 1] <= at_s {
+            row += 1;
         }
-        let skipped = rows_s.len().saturating_sub(back);
-        let passed = skipped + rows_s[skipped..].partition_point(|time_s| *time_s <= at_s);
-        passed.checked_sub(1).map(|passed| self.range.start + passed)
+        while row > first && data.time_s[row] > at_s {
+            row -= 1;
+        }
+        self.recent.set(row);
+        (data.time_s[row] <= at_s).then_some(row)
     }
 
     /// The last sample, from `index` on, whose command acts before `end_s`.
