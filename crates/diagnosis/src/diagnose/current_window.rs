@@ -89,19 +89,31 @@ fn likelier_s(data: &Dataset, prior: &Prior, found: &Fit) -> Option<f64> {
     explains.then_some(window_s)
 }
 
+/// The likeliest window, and the model fitted beside it.
 fn best_window(data: &Dataset, prior: &Prior, model: &Model) -> Option<(f64, Fit)> {
-    let fitted =
-        |window_s: f64, model: &Model| (window_s, fit(model, &with_window(data, window_s), prior, Effort::TRIAL));
     let least = |fits: Vec<(f64, Fit)>| fits.into_iter().min_by(|a, b| a.1.cost.total_cmp(&b.1.cost));
+    let fitted =
+        |window_s: f64, start: &Model| (window_s, fit(start, &with_window(data, window_s), prior, Effort::TRIAL));
     let mut best = least(LOOKED_AT_S.into_par_iter().map(|window_s| fitted(window_s, model)).collect())?;
     let longest_s = LOOKED_AT_S[LOOKED_AT_S.len() - 1];
     for factor in CLOSER {
-        let sides = [best.0 / factor, (best.0 * factor).min(longest_s)];
-        let mut fits: Vec<(f64, Fit)> = sides.into_par_iter().map(|window_s| fitted(window_s, &best.1.model)).collect();
-        fits.push(best);
-        best = least(fits)?;
+        let sides = [best.0 / factor, (best.0 * factor).min(longest_s)].into_par_iter();
+        let beside = |window_s: f64| fitted(window_s, &later(&best.1.model, 0.5 * (best.0 - window_s)));
+        let fits: Vec<(f64, Fit)> = sides.map(beside).collect();
+        best = least(fits.into_iter().chain([best]).collect())?;
     }
     Some(best)
+}
+
+/// A model with its delay so much longer. Beside a longer window a fit would begin with readings that are later than before.
+fn later(model: &Model, by_s: f64) -> Model {
+    let mut other = model.clone();
+    for Term { effect, values } in &mut other.terms {
+        if effect.delay_s(values) > 0.0 {
+            values[0] = (values[0] + by_s).max(0.0);
+        }
+    }
+    other
 }
 
 fn is_excessive(prior: &Prior, fit: &Fit) -> bool {
