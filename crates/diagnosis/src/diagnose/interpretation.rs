@@ -207,11 +207,12 @@ impl Interpreter<'_> {
         }
         settle_before_effects(&mut data, self.prior);
         self.settle_by_usual(&mut data);
-        let mut selection = self.select(&data);
-        let found = &selection.last;
-        let is_needed =
-            pwm_phase::is_needed(&data, self.prior, found) && current_window::is_needed(&data, self.prior, found);
-        if !is_needed {
+        let is_needed = |found: &Fit| {
+            pwm_phase::is_needed(&data, self.prior, found) && current_window::is_needed(&data, self.prior, found)
+        };
+        // What explains no more than without it beside the first effects is not searched on.
+        let mut selection = select(&data, self.prior, &self.excluded(&data), |found| !is_needed(found), self.progress);
+        if !is_needed(&selection.last) {
             (self.progress)("without a ripple of the PWM or a mean over it");
             data = recorded;
             settle_before_effects(&mut data, self.prior);
@@ -249,7 +250,7 @@ impl Interpreter<'_> {
     }
 
     fn select(&self, data: &Dataset) -> Selection {
-        select(data, self.prior, &self.excluded(data), self.progress)
+        select(data, self.prior, &self.excluded(data), |_| false, self.progress)
     }
 
     fn settled(&self, mut data: Dataset, mut selection: Selection) -> (Dataset, Selection) {

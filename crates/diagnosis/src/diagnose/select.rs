@@ -75,13 +75,24 @@ type Way = (Fit, Vec<Step>);
 /// Called with a sentence when a step of the work begins.
 pub type Progress<'a> = &'a (dyn Fn(&str) + Sync);
 
-/// Selects the effects.
-pub fn select(data: &Dataset, prior: &Prior, excluded: &[&str], progress: Progress) -> Selection {
+/// Selects the effects. `gives_up` is asked where the first way ends: if it does, that end is all there is.
+pub fn select(
+    data: &Dataset,
+    prior: &Prior,
+    excluded: &[&str],
+    gives_up: impl Fn(&Fit) -> bool,
+    progress: Progress,
+) -> Selection {
     progress("linear motor");
     let fits = Fits::new(data, prior);
     let base = fits.fit(&Model::linear(prior.motor), Effort::FULL);
     let chooser = Chooser { fits: &fits, data, prior, excluded, progress };
-    let way = chooser.best_way(&base);
+    let first = chooser.first_way(&base);
+    if gives_up(&first.0) {
+        let (last, steps) = first;
+        return Selection { base, steps, widest: last.clone(), last, standings: Vec::new() };
+    }
+    let way = chooser.best_way(&base, first);
     let was_doubtful = chooser.is_doubtful(&way.0);
     let chosen = chooser.finished(&base, way);
     // What only many effects together explain may lose them one by one. A fit that is even better without has lost nothing.
@@ -125,12 +136,13 @@ struct Chooser<'a> {
 
 impl Chooser<'_> {
     /// The best way from the linear fit to a model without doubts.
-    fn best_way(&self, base: &Fit) -> Way {
-        let mut way = self.way(base);
+    fn best_way(&self, base: &Fit, first: Way) -> Way {
+        let mut way = self.way(base, first);
         if let Some(of_any_course) = self.of_any_course(&way.0) {
             (self.progress)("without what follows any course");
-            let without = [self.excluded, &[of_any_course]].concat();
-            way = self.better(way, Chooser { excluded: &without, ..*self }.way(base));
+            let excluded = [self.excluded, &[of_any_course]].concat();
+            let without = Chooser { excluded: &excluded, ..*self };
+            way = self.better(way, without.way(base, without.first_way(base)));
         }
         self.or_beside_nominal(way)
     }
@@ -183,9 +195,13 @@ impl Chooser<'_> {
         }
     }
 
-    /// Adds significant effects to the linear fit. If doubts remain, it also tries other ways and takes the best.
-    fn way(&self, base: &Fit) -> Way {
-        let mut way = self.or_beside_nominal(self.forward(base.clone(), Vec::new(), Lead::Significance));
+    /// Adds significant effects to the linear fit.
+    fn first_way(&self, base: &Fit) -> Way {
+        self.or_beside_nominal(self.forward(base.clone(), Vec::new(), Lead::Significance))
+    }
+
+    /// The first way, or the best of others as well where it ends with doubts.
+    fn way(&self, base: &Fit, mut way: Way) -> Way {
         if !self.is_doubtful(&way.0) || bad_stretches::are_all_that_remains(self.data, self.prior, &way.0) {
             return way;
         }
