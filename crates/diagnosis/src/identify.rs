@@ -209,11 +209,16 @@ impl Fit {
     /// Weighted sensitivities of the seen residuals and the inverse of their normal matrix.
     fn sensitivities(&self, data: &Dataset) -> &(Sensitivities, DMatrix<f64>) {
         self.sensitivities.get_or_init(|| {
-            let replay = Replay::new(data);
-            let found = Sensitivities::simulated(&self.model, &self.residual, &replay, &self.unknowns, self.steps);
+            let (replay, fine) = (Replay::new(data), self.weighted_residual(data));
+            let found = Sensitivities::simulated(&self.model, &fine, &replay, &self.unknowns, self.steps);
             let inverse = found.inverse();
             (found, inverse)
         })
+    }
+
+    /// Of the same readings, of which others may be held out.
+    fn weighted_residual(&self, data: &Dataset) -> Vec<f64> {
+        weighted_residual(data, &self.prediction)
     }
 
     /// Residuals of one measured quantity, measured minus simulated, missing ones as NaN.

@@ -15,7 +15,7 @@ const KEPT: usize = 4;
 /// So many times within a step: in straight lines between them the exponential of a winding as quick as a third of the step
 /// is exact to a thousandth.
 const TIMES: f64 = 64.0;
-/// Of less than this share of its speed that a shaft loses in a step, few terms of the exponential's series are exact.
+/// Where a shaft loses less than this share of its speed in a step, few terms of the exponential's series are exact.
 const SLIGHT: f64 = 0.01;
 /// Steps of Newton's method for a drop with a knee, and how close it comes, as a share of the knee.
 const NEWTON_STEPS: usize = 12;
@@ -275,7 +275,7 @@ pub(crate) fn speed_of_torque(viscous_nm_s: f64, inertia_kg_m2: f64, step_s: f64
     let b = viscous_nm_s;
     let without_loss = step_s / inertia_kg_m2;
     let lost = b * without_loss;
-    if lost < SLIGHT {
+    if lost.abs() < SLIGHT {
         // The first terms of the series, whose rest is beyond the twelfth digit.
         let series = 1.0
             - lost * (1.0 / 2.0) * (1.0 - lost * (1.0 / 3.0) * (1.0 - lost * (1.0 / 4.0) * (1.0 - lost * (1.0 / 5.0))));

@@ -31,7 +31,7 @@ pub struct SwitchedStep {
 #[derive(Clone, Copy)]
 struct Length {
     length_s: f64,
-    /// Its inverse.
+    /// Its inverse; of no length something finite, so that no charge in no time is no current.
     per_s: f64,
     /// Speed left, and gained of a torque.
     speed_of: [f64; 2],
@@ -123,7 +123,7 @@ impl Shaft<'_> {
     #[inline]
     fn length_of(&self, length_s: f64, speed_of: [f64; 2]) -> Length {
         let current_left = (-length_s / self.winding.time_s).exp();
-        Length { length_s, per_s: 1.0 / length_s, speed_of, current_left }
+        Length { length_s, per_s: 1.0 / length_s.max(f64::MIN_POSITIVE), speed_of, current_left }
     }
 
     /// Until the shaft stops or starts, or for the whole length: what is reached, and after what time.

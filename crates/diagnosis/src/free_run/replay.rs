@@ -51,11 +51,8 @@ impl<'a> Replay<'a> {
     pub(crate) fn or_fine(&self, model: &Model, steps: Steps) -> Steps {
         let count = |steps: Steps| {
             let cutting = Cutting::of(model, self.data, steps);
-            self.data
-                .stretches
-                .iter()
-                .map(|stretch| self.steps_of(stretch, cutting.longest_step_s(stretch)))
-                .sum::<f64>()
+            let of = |stretch: &Stretch| self.steps_of(stretch, cutting.longest_step_s(stretch));
+            self.data.stretches.iter().map(of).sum::<f64>()
         };
         if steps == Steps::Coarse && count(Steps::Fine) < HARDLY_MORE * count(steps) { Steps::Fine } else { steps }
     }

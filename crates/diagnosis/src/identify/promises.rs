@@ -46,7 +46,8 @@ fn lines(effect: &dyn Effect, start: &[f64], change: impl Fn(Vec<f64>) -> Vec<f6
 impl Fit {
     /// Expected gain of each effect outside the model (score test; Rao 1948), with its best start, best first.
     pub fn promises(&self, replay: &Replay, scales: &Scales, excluded: &[&str]) -> Vec<Promise> {
-        let base = Base::new(&self.model, replay, Steps::Coarse, &self.residual);
+        let fine = self.weighted_residual(replay.data);
+        let base = Base::new(&self.model, replay, Steps::Coarse, &fine);
         // Computed before the threads start: otherwise they would wait for each other.
         self.sensitivities(replay.data);
         let candidates: Vec<(usize, Vec<f64>)> = CATALOGUE
@@ -187,8 +188,8 @@ impl Fit {
     /// By how much the cost would fall if an effect with these constants were in the data: what the model's own constants
     /// and their priors cannot take of it.
     pub fn would_gain(&self, data: &Dataset, effect: &'static dyn Effect, values: Vec<f64>) -> f64 {
-        let replay = Replay::new(data);
-        let base = Base::new(&self.model, &replay, Steps::Coarse, &self.residual);
+        let (replay, fine) = (Replay::new(data), self.weighted_residual(data));
+        let base = Base::new(&self.model, &replay, Steps::Coarse, &fine);
         let line = base.change(&self.model.with(effect, values), effect.changes_motion());
         let (Sensitivities { columns, .. }, inverse) = self.sensitivities(data);
         let along = DVector::from_iterator(columns.len(), columns.iter().map(|column| dot(column, &line)));
