@@ -211,13 +211,16 @@ impl Interpreter<'_> {
             pwm_phase::is_needed(&data, self.prior, found) && current_window::is_needed(&data, self.prior, found)
         };
         // What explains no more than without it beside the first effects is not searched on.
-        let mut selection = select(&data, self.prior, &self.excluded(&data), |found| !is_needed(found), self.progress);
-        if !is_needed(&selection.last) {
-            (self.progress)("without a ripple of the PWM or a mean over it");
-            data = recorded;
-            settle_before_effects(&mut data, self.prior);
-            selection = self.select(&data);
-        }
+        let found = select(&data, self.prior, &self.excluded(&data), |found| !is_needed(found), self.progress);
+        let mut selection = match found.filter(|found| is_needed(&found.last)) {
+            Some(found) => found,
+            None => {
+                (self.progress)("without a ripple of the PWM or a mean over it");
+                data = recorded;
+                settle_before_effects(&mut data, self.prior);
+                self.select(&data)
+            }
+        };
         (data, selection) = self.settled(data, selection);
         let is_explained = above_floor(&data, &selection.last) < NOT_NOISE;
         let another = || another_part::held_out(&data, self.prior, &selection.widest);
@@ -250,7 +253,7 @@ impl Interpreter<'_> {
     }
 
     fn select(&self, data: &Dataset) -> Selection {
-        select(data, self.prior, &self.excluded(data), |_| false, self.progress)
+        select(data, self.prior, &self.excluded(data), |_| false, self.progress).expect("nothing is given up")
     }
 
     fn settled(&self, mut data: Dataset, mut selection: Selection) -> (Dataset, Selection) {

@@ -75,22 +75,21 @@ type Way = (Fit, Vec<Step>);
 /// Called with a sentence when a step of the work begins.
 pub type Progress<'a> = &'a (dyn Fn(&str) + Sync);
 
-/// Selects the effects. `gives_up` is asked where the first way ends: if it does, that end is all there is.
+/// Selects the effects. `gives_up` is asked where the first way ends: if it does, there is none.
 pub fn select(
     data: &Dataset,
     prior: &Prior,
     excluded: &[&str],
     gives_up: impl Fn(&Fit) -> bool,
     progress: Progress,
-) -> Selection {
+) -> Option<Selection> {
     progress("linear motor");
     let fits = Fits::new(data, prior);
     let base = fits.fit(&Model::linear(prior.motor), Effort::FULL);
     let chooser = Chooser { fits: &fits, data, prior, excluded, progress };
     let first = chooser.first_way(&base);
     if gives_up(&first.0) {
-        let (last, steps) = first;
-        return Selection { base, steps, widest: last.clone(), last, standings: Vec::new() };
+        return None;
     }
     let way = chooser.best_way(&base, first);
     let was_doubtful = chooser.is_doubtful(&way.0);
@@ -100,10 +99,10 @@ pub fn select(
     if has_lost && !was_doubtful && chooser.is_doubtful(&chosen.last) {
         let other = chooser.finished(&base, chooser.way_from_usual(&base));
         if chooser.rank(&other.last) < chooser.rank(&chosen.last) {
-            return other;
+            return Some(other);
         }
     }
-    chosen
+    Some(chosen)
 }
 
 /// The rig file's motor with the effects that hardly any bench is without, fitted.

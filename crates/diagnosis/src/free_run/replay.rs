@@ -49,21 +49,22 @@ impl<'a> Replay<'a> {
     /// Steps for differences between simulations: fine ones where the coarse ones are hardly fewer. What was simulated in fine
     /// ones is then one side of the difference.
     pub(crate) fn or_fine(&self, model: &Model, steps: Steps) -> Steps {
-        let count = |steps: Steps| {
-            let cutting = Cutting::of(model, self.data, steps);
-            let of = |stretch: &Stretch| self.steps_of(stretch, cutting.longest_step_s(stretch));
-            self.data.stretches.iter().map(of).sum::<f64>()
-        };
-        if steps == Steps::Coarse && count(Steps::Fine) < HARDLY_MORE * count(steps) { Steps::Fine } else { steps }
-    }
-
-    /// Roughly the number of steps of a stretch.
-    fn steps_of(&self, stretch: &Stretch, longest_step_s: f64) -> f64 {
-        let rows = stretch.rows.clone().skip(1);
-        let leaps = rows.filter(|row| leaps(self.data, row - 1, *row)).count() as f64;
-        let in_a_row = |longest_step_s: f64| (stretch.interval_s / longest_step_s - 1e-6).ceil().max(1.0);
-        let others = stretch.rows.len() as f64 - leaps;
-        others * in_a_row(longest_step_s) + leaps * in_a_row(OF_LEAP * longest_step_s)
+        if steps != Steps::Coarse {
+            return steps;
+        }
+        let cuttings = [Steps::Fine, steps].map(|steps| Cutting::of(model, self.data, steps));
+        let mut counts = [0.0; 2];
+        for stretch in &self.data.stretches {
+            let leaps = stretch.rows.clone().skip(1).filter(|row| leaps(self.data, row - 1, *row)).count() as f64;
+            let others = stretch.rows.len() as f64 - leaps;
+            for (count, cutting) in counts.iter_mut().zip(&cuttings) {
+                let longest_step_s = cutting.longest_step_s(stretch);
+                let of = |longest_step_s: f64| steps_in(stretch.interval_s, longest_step_s);
+                *count += others * of(longest_step_s) + leaps * of(OF_LEAP * longest_step_s);
+            }
+        }
+        let [fine, coarse] = counts;
+        if fine < HARDLY_MORE * coarse { Steps::Fine } else { steps }
     }
 
     fn cuts(&self, cutting: Cutting) -> Arc<[Cut]> {
@@ -218,6 +219,11 @@ fn leaps(data: &Dataset, from: usize, to: usize) -> bool {
     (data.command[to] - data.command[from]).abs() > LEAP * data.supply_v[from]
 }
 
+/// Number of steps of a row.
+fn steps_in(interval_s: f64, longest_step_s: f64) -> f64 {
+    (interval_s / longest_step_s - 1e-6).ceil().max(1.0)
+}
+
 /// Cuts a stretch.
 struct Knife<'a> {
     data: &'a Dataset,
@@ -273,8 +279,8 @@ impl<'a> Knife<'a> {
         let acting = |since_s: f64| self.acting_at(index, self.taken_s(index, since_s));
         let (first, last) = (acting(0.0), acting(interval_s));
         let longest_step_s =
-            self.longest_step_s * if self.leaps(self.acting_before(index), last) { OF_LEAP } else { 1.0 };
-        let steps = (interval_s / longest_step_s - 1e-6).ceil().max(1.0);
+            self.longest_step_s * if leaps(data, self.acting_before(index), last) { OF_LEAP } else { 1.0 };
+        let steps = steps_in(interval_s, longest_step_s);
         let step_s = interval_s / steps;
         let course = self.course(index);
         let mut before = first;
@@ -314,7 +320,8 @@ impl<'a> Knife<'a> {
             return [part(since_s, length_s, after, None), None];
         }
         let reverses = |row: usize| data.duty[row] * data.duty[before] < 0.0;
-        let switches = |row: &usize| data.open[*row] != data.open[before] || self.leaps(before, *row) || reverses(*row);
+        let switches =
+            |row: &usize| data.open[*row] != data.open[before] || leaps(data, before, *row) || reverses(*row);
         let acts_s = |row: usize| self.acts_s(index, row) - data.time_s[index] - since_s;
         let is_within = |first_s: &f64| (SAME_LENGTH_S..length_s - SAME_LENGTH_S).contains(first_s);
         let is_next = after == before + 1 || data.waits_in_phase();
@@ -408,10 +415,6 @@ impl<'a> Knife<'a> {
     /// When the command after that of `row` acts, as the delay is around sample `index`.
     fn changes_s(&self, index: usize, row: usize) -> f64 {
         if row + 1 < self.range.end { self.acts_s(index, row + 1) } else { f64::INFINITY }
-    }
-
-    fn leaps(&self, from: usize, to: usize) -> bool {
-        leaps(self.data, from, to)
     }
 
     /// The sample whose command acts until sample `index`.

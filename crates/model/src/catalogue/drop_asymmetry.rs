@@ -36,11 +36,11 @@ impl Law for DropAsymmetry {
         &ABOUT
     }
 
-    /// The drop is greater one way and smaller the other by as much: that is a voltage in series.
     fn is_steady(&self, _values: &[f64]) -> bool {
         true
     }
 
+    /// The drop is greater one way and smaller the other by as much: that is a voltage in series.
     fn contribute(
         &self,
         values: &[f64],
