@@ -126,7 +126,7 @@ impl Dataset {
         for rows in &self.origin.left_out {
             let [from_s, to_s] = [rows.start, rows.end - 1].map(|row| self.time_s[row]);
             notes.push(format!(
-                "From {from_s:.2} s to {to_s:.2} s the motion does not follow its command, so these rows are left out. Everything else is explained without them. Did the program pause there, or did something touch the shaft?"
+                "From {from_s:.2} s to {to_s:.2} s the motion does not follow its command, so these rows are left out: they would bend every constant. Did the program pause there, or did something touch the shaft?"
             ));
         }
         if self.origin.impossible > 0 {

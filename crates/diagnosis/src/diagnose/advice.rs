@@ -1,13 +1,14 @@
 //! What a person should do, and notes on what a result rests on.
 
 use super::outcome::{Cause, Outcome, Parameter, Quality};
+use super::select::Standing;
 pub(super) use crate::configuration::diagnose::advice::OTHER_UNIT;
 use crate::configuration::diagnose::advice::REPORTED_ABOVE_NOISE;
 use crate::dataset::{Dataset, TOLERANCE};
-use motorbench_model::Drive;
 use motorbench_model::catalogue::{INDUCTANCE, USUAL};
 use motorbench_model::linear::motor_model::TimeConstants;
 use motorbench_model::motor::MotorParameters;
+use motorbench_model::{Drive, Model, Term};
 use motorbench_text::terminal_text::short;
 
 /// Advice on constants that were found beside an unknown effect.
@@ -20,6 +21,19 @@ const IMPOSED_CURRENT: &str = "No voltage was recorded, so the current is the in
 const IN_AMPERES: &str = "Without [motor] torque_constant_Nm_per_A in the rig file the scale of all torques is unknown: here 1 Nm stands for the torque of 1 A.";
 /// Against an off phase that coasts where the motor never reverses, as behind a single transistor.
 const OF_ONE_TRANSISTOR: &str = "With a bridge leave enable high. One transistor and a diode always coast so at small currents: a second transistor in place of the diode, or a higher PWM frequency, makes the motor linear";
+
+/// Note on effects that a model contains without a name, beside what remains.
+pub(super) fn of_unnamed(model: &Model, named: &[Standing]) -> Option<String> {
+    let is_named = |term: &&Term| named.iter().any(|standing| standing.id == term.id());
+    let unnamed = model.terms.iter().filter(|term| !is_named(term)).map(|term| term.effect.about().title);
+    let unnamed: Vec<&str> = unnamed.collect();
+    (!unnamed.is_empty()).then(|| {
+        format!(
+            "The constants allow for what explains too little to be named beside the rest: {}. A model without it would bend them.",
+            unnamed.join(", ")
+        )
+    })
+}
 
 impl Outcome {
     /// Note on a nominal value that the constants contradict, where another reason is more likely than a wrong value.

@@ -4,7 +4,7 @@
 use super::bad_stretches::{LEFT_OF_REST, MOST_PLACES};
 use super::channels::excluded;
 use super::hidden_drop::HiddenDrop;
-use super::judge::{self, AS_GOOD, NOT_NOISE, above_floor};
+use super::judge::{self, AS_GOOD, NOT_NOISE, VERY_STRONG_NATS, above_floor};
 use super::random_losses::RandomLosses;
 use super::scale::Scale;
 use super::select::{self, Selection, Standing, select, usual_model};
@@ -16,7 +16,8 @@ use super::{
 use crate::configuration::diagnose::interpretation::BEYOND_DOUBT_SIGMAS;
 use crate::dataset::Dataset;
 use crate::identify::{Effort, Fit, Interval, Prior, fit, has_unknown_torque_scale};
-use motorbench_model::Model;
+use motorbench_model::catalogue::{About, USUAL};
+use motorbench_model::{Model, Term};
 use std::cmp::Ordering;
 
 /// How the data are interpreted, and the model that explains them so.
@@ -61,6 +62,36 @@ impl Interpretation {
         let selection = select::anew_from(&data, prior, &excluded(&data), last, self.selection.steps, progress);
         let last = refit(&selection.last.model, &data.with_nothing_held_out());
         Self::settled(data, prior, selection, fullest, last)
+    }
+
+    /// With what any bench may have, where it has evidence and cannot be named beside a rest: the usual effects, delays, and
+    /// faults of sensors. A model without them puts them into its constants.
+    pub(super) fn with_unnamed(mut self, prior: &Prior) -> Self {
+        let Selection { last, widest, .. } = &self.selection;
+        if above_floor(&self.data, last) < NOT_NOISE {
+            return self;
+        }
+        let may_be = |about: &About| USUAL.contains(&about.id) || about.is_delay || about.sensor.is_some();
+        let refit = |model: &Model, data: &Dataset| fit(model, data, prior, Effort::FULL);
+        let is_unnamed = |term: &&Term| !last.model.has(term.id()) && may_be(term.effect.about());
+        let mut model = Model { motor: widest.model.motor, terms: last.model.terms.clone() };
+        model.terms.extend(widest.model.terms.iter().filter(is_unnamed).cloned());
+        let mut with = refit(&model, &self.data);
+        loop {
+            let evidence = |id: &'static str| {
+                let without = refit(&with.model.without(id), &self.data);
+                (judge::evidence_nats(&self.data, &without, &with), without)
+            };
+            let unnamed = with.model.terms.iter().map(Term::id).filter(|id| !last.model.has(id));
+            match unnamed.map(evidence).min_by(|one, other| one.0.total_cmp(&other.0)) {
+                None => return self,
+                Some((nats, without)) if nats < VERY_STRONG_NATS => with = without,
+                Some(_) => break,
+            }
+        }
+        self.last = refit(&with.model, &self.data.with_nothing_held_out());
+        self.selection.last = with;
+        self
     }
 
     /// A constant share of lost counts, where no other effect explains lost counts.
@@ -184,6 +215,11 @@ const SETTLED_IN_TURN: [fn(&mut Dataset, &Prior, &Fit) -> bool; 15] = [
     command_times::settle,
 ];
 
+/// Whether half of the rest of a quantity is left at most. Errors of each quantity over its noise floor.
+fn halves_a_rest(before: &[f64], after: &[f64]) -> bool {
+    before.iter().zip(after).any(|(before, after)| *before >= NOT_NOISE && *after < LEFT_OF_REST * before)
+}
+
 /// Settings that the rig file leaves open, estimated with the nominal motor.
 fn settle_before_effects(data: &mut Dataset, prior: &Prior) {
     if data.axis.drive.is_voltage() {
@@ -256,6 +292,10 @@ impl Interpreter<'_> {
         select(data, self.prior, &self.excluded(data), |_| false, self.progress).expect("nothing is given up")
     }
 
+    fn select_beside(&self, data: &Dataset, found: Fit, steps: Vec<select::Step>) -> Selection {
+        select::select_beside(data, self.prior, &self.excluded(data), found, steps, self.progress)
+    }
+
     fn settled(&self, mut data: Dataset, mut selection: Selection) -> (Dataset, Selection) {
         for settle in SETTLED_IN_TURN {
             if settle(&mut data, self.prior, &selection.last) {
@@ -265,8 +305,9 @@ impl Interpreter<'_> {
         (data, selection)
     }
 
-    /// Without stretches that do not follow their command, if that explains everything. Such a stretch biases every fit, so
-    /// the greatest is left out first. It may have hidden what else is open about the recording.
+    /// Without stretches that do not follow their command, if that explains everything or half of what is left of a
+    /// quantity. Such a stretch biases every fit, so the greatest is left out first. It may have hidden what else is open
+    /// about the recording.
     fn without_bad_stretches(&self, data: &Dataset, found: &Selection) -> Option<(Dataset, Selection)> {
         if above_floor(data, &found.last) < NOT_NOISE {
             return None;
@@ -274,23 +315,30 @@ impl Interpreter<'_> {
         let usual = usual_model(data, self.prior, &self.excluded(data));
         let mut next = bad_stretches::without_greatest(data, &usual);
         let mut models = vec![usual.model, found.last.model.clone()];
-        let mut before = above_floor(data, &found.last);
+        let (mut before, mut best) = (judge::of_all_rows_above_floor(data, &found.last), None);
         for _ in 0..MOST_PLACES {
-            let (mut rest, mut without) = self.best_without_adjoining(&next?, &models);
-            if above_floor(&rest, &without) < (LEFT_OF_REST * before).max(NOT_NOISE) {
+            let Some(greatest) = next else { break };
+            let (mut rest, mut without) = self.best_without_adjoining(&greatest, &models);
+            let after = judge::of_all_rows_above_floor(&rest, &without);
+            if above_floor(&rest, &without) < NOT_NOISE || halves_a_rest(&before, &after) {
                 (self.progress)("without a stretch that does not follow its command");
-                let mut selection = self.select(&rest);
+                let mut selection = match above_floor(&rest, &without) < NOT_NOISE {
+                    true => self.select(&rest),
+                    // What bends the constants least is known, and most effects are.
+                    false => self.select_beside(&rest, without, found.steps.clone()),
+                };
                 (rest, selection) = self.settled(rest, selection);
-                before = above_floor(&rest, &selection.last);
-                if before < NOT_NOISE {
+                if above_floor(&rest, &selection.last) < NOT_NOISE {
                     return Some(self.without_remnants(rest, selection));
                 }
-                without = selection.last;
+                before = judge::of_all_rows_above_floor(&rest, &selection.last);
+                without = selection.last.clone();
+                best = Some((rest.clone(), selection));
             }
             next = bad_stretches::without_greatest(&rest, &without);
             models.push(without.model);
         }
-        None
+        best
     }
 
     /// Without what adjoins the stretches that are left out, by the model that explains most.

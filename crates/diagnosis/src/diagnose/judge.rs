@@ -156,6 +156,13 @@ pub fn above_noise(data: &Dataset, fit: &Fit) -> f64 {
     worst(data, fit, |_, noise| noise)
 }
 
+/// Error over noise floor of each channel in all rows, those of the fit as well.
+pub(super) fn of_all_rows_above_floor(data: &Dataset, fit: &Fit) -> Vec<f64> {
+    let everything = Dataset { held_out: vec![true; data.len()], ..data.clone() };
+    let of = |output: usize| ratio(&everything, fit, output, Measured::least_error);
+    (0..data.measured.len()).map(of).collect()
+}
+
 /// The same over its floor, for the channel of the motion.
 pub fn motion_above_floor(data: &Dataset, fit: &Fit) -> f64 {
     ratio(data, fit, data.motion_index(), Measured::least_error)

@@ -119,7 +119,7 @@ pub fn diagnose(recordings: &[Recording], rig: &Rig, progress: select::Progress)
         interpret = interpret.behind(drop, &prior, progress);
     }
     let (scale, interpret) = with_corrected_scale(interpret, &prior, progress);
-    let Interpretation { data, selection, fullest, last, by_other_laws } = interpret;
+    let Interpretation { data, selection, fullest, last, by_other_laws } = interpret.with_unnamed(&prior);
     let motion = data.motion_index();
     let fit_percent = judge::fit_percent(&data, &selection.last.prediction, motion);
     if fit_percent < LEAST_FIT_PERCENT && above_floor(&data, &selection.last) < NOT_NOISE {
@@ -329,6 +329,7 @@ impl Outcome {
             advice: Vec::new(),
         };
         outcome.advice = outcome.advice(data);
+        outcome.advice.extend(advice::of_unnamed(model, &selection.standings));
         outcome.advice.extend(not_shown.into_iter().map(undecided::advice));
         let contradictions = contradicted.iter().filter_map(|cause| outcome.contradiction(cause, &model.motor));
         let contradictions: Vec<String> = contradictions.collect();

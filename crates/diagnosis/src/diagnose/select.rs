@@ -125,6 +125,22 @@ pub fn anew_from(
     Selection { base, steps, widest: found, last, standings }
 }
 
+/// Selects further effects beside those that other data showed, and drops what these data do not show.
+pub(super) fn select_beside(
+    data: &Dataset,
+    prior: &Prior,
+    excluded: &[&str],
+    found: Fit,
+    steps: Vec<Step>,
+    progress: Progress,
+) -> Selection {
+    let fits = Fits::new(data, prior);
+    let base = fits.fit(&Model::linear(prior.motor), Effort::FULL);
+    let chooser = Chooser { fits: &fits, data, prior, excluded, progress };
+    let further = chooser.forward(found, steps, Lead::Significance);
+    chooser.finished(&base, further)
+}
+
 struct Chooser<'a> {
     fits: &'a Fits<'a>,
     data: &'a Dataset,

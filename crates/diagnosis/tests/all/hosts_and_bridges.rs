@@ -9,6 +9,7 @@ use motorbench_diagnosis::diagnose::diagnose;
 use motorbench_diagnosis::diagnose::outcome::{Outcome, Verdict};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use std::f64::consts::TAU;
 use std::fmt::Write as _;
 
 const SUPPLY_V: f64 = 12.0;
@@ -192,6 +193,40 @@ fn a_pause_of_the_host_is_left_out_and_told() {
     let times: Vec<f64> = note.split(' ').filter_map(|word| word.parse().ok()).collect();
     assert!(times[0] <= from_s + 0.05 && times[1] >= from_s + 0.4, "seed {seed}: {note}, it was {from_s}");
     assert!(times[1] - times[0] < 1.2, "seed {seed}: {note}");
+}
+
+/// Two pauses of the host, and brushes whose unrest has no name: the constants are those of the rows between the pauses.
+#[test]
+fn pauses_beside_a_rest_without_a_name_bend_no_constant() {
+    let seed = fresh_seed();
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let begins_s = [random.random_range(5.2..5.8), random.random_range(6.5..7.1)];
+    let pause = |time_s: f64| begins_s.into_iter().find(|from_s| (*from_s..from_s + 0.4).contains(&time_s));
+    let acts = |time_s: f64| command(pause(time_s).unwrap_or(time_s));
+    let offset_a = random.random_range(0.02..0.03);
+    // A resonance at 190 Hz, less where the motor is fast.
+    let (mut unrest, [damping, twice]) = ([0.0; 2], [0.81, 1.8 * (TAU * 0.19).cos()]);
+    let mut text = String::from("t_s,duty,omega_rad_per_s,i_A\n");
+    for Row { time_s, speed_rad_per_s, current_a } in course(Bench::new([0.0; 2], FAST_PWM_HZ), acts) {
+        unrest = [twice * unrest[0] - damping * unrest[1] + random.random_range(-0.06..0.06), unrest[0]];
+        let brushes_a = unrest[0] / (1.0 + (speed_rad_per_s / 80.0).powi(2));
+        let [of_speed, of_current] = [0.3, 0.01].map(|size| size * random.random_range(-1.0..1.0));
+        let (speed, current) = (speed_rad_per_s + of_speed, current_a + brushes_a + offset_a + of_current);
+        let _ = writeln!(text, "{time_s:.3},{:.5},{speed:.4},{current:.5}", command(time_s));
+    }
+    let found = diagnosed_at(FAST_PWM_HZ, &text, Some(0.0), "");
+    let case = format!("seed {seed}, pauses from {begins_s:?}, offset {offset_a}");
+    assert!(names(&found).contains(&"coulomb_friction"), "{case}: {found:?}");
+    let told = found.advice.iter().filter(|note| note.contains("does not follow its command")).count();
+    assert_eq!(told, 2, "{case}: {:?}", found.advice);
+    let friction_v = FRICTION_NM * RESISTANCE_OHM / TORQUE_CONSTANT;
+    for (value, truth) in [
+        (found.determined["kS"].value, friction_v),
+        (found.determined["kV"].value, TORQUE_CONSTANT),
+        (found.parameters["resistance_ohm"].value, RESISTANCE_OHM),
+    ] {
+        assert!((value / truth - 1.0).abs() < 0.06, "{case}: {value}, it is {truth}: {found:?}");
+    }
 }
 
 /// A host takes readings out of a buffer more slowly than they come, and loses what is in it when it is full.

@@ -8,7 +8,7 @@ use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 /// [`ANSWER_TIMEOUT`] by the board's own clock, and the limit by the computer's clock.
-const ANSWER_TICKS: u32 = 4000;
+pub(super) const ANSWER_TICKS: u32 = 4000;
 const LONGEST_ANSWER: Duration = Duration::from_secs(60);
 /// The same after Ctrl-C.
 const INTERRUPTED_ANSWER_TIMEOUT: Duration = Duration::from_secs(1);
@@ -141,7 +141,7 @@ impl<L: Line> Link<L> {
 
     /// Whether the board still sends samples or a long answer, and its own clock has not reached this many ticks. A
     /// busy computer may delay a simulated board, or the bytes.
-    fn is_slow(&self, begun: Instant, tick: Option<u32>, within: u32) -> bool {
+    pub(super) fn is_slow(&self, begun: Instant, tick: Option<u32>, within: u32) -> bool {
         let ticks = self.last_tick.unwrap_or(0).saturating_sub(tick.unwrap_or(0));
         ticks < within && self.heard.elapsed() < ANSWER_TIMEOUT && begun.elapsed() < LONGEST_ANSWER
     }

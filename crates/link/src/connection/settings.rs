@@ -1,5 +1,6 @@
 //! The settings of a board: read from lists that the line may damage, and saved.
 
+use super::answers::ANSWER_TICKS;
 use super::{ANSWER_TIMEOUT, GAP, LOSSY_TRIES, Link, SAVED, TRIES, damaged_line};
 use crate::board::{Board, BoardError};
 use crate::line::Line;
@@ -13,9 +14,9 @@ impl<L: Line> Link<L> {
     /// [`BoardError`].
     pub fn save(&mut self) -> Result<(), BoardError> {
         self.command("save")?;
-        let end = Instant::now() + ANSWER_TIMEOUT;
+        let (begun, tick) = (Instant::now(), self.last_tick);
         while !self.reply.contains(SAVED) {
-            if Instant::now() > end {
+            if begun.elapsed() > ANSWER_TIMEOUT && !self.is_slow(begun, tick, ANSWER_TICKS) {
                 return Err(BoardError::Failed("the board does not confirm that the settings are saved".into()));
             }
             self.poll()?;
