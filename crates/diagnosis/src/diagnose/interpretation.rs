@@ -257,7 +257,7 @@ impl Interpreter<'_> {
                 self.select(&data)
             }
         };
-        (data, selection) = self.settled(data, selection);
+        (data, selection) = self.settled(data, selection, |data, _| self.select(data));
         let is_explained = above_floor(&data, &selection.last) < NOT_NOISE;
         let another = || another_part::held_out(&data, self.prior, &selection.widest);
         if let Some((other, found)) = (!is_explained).then(another).flatten() {
@@ -292,14 +292,16 @@ impl Interpreter<'_> {
         select(data, self.prior, &self.excluded(data), |_| false, self.progress).expect("nothing is given up")
     }
 
-    fn select_beside(&self, data: &Dataset, found: Fit, steps: Vec<select::Step>) -> Selection {
-        select::select_beside(data, self.prior, &self.excluded(data), found, steps, self.progress)
-    }
-
-    fn settled(&self, mut data: Dataset, mut selection: Selection) -> (Dataset, Selection) {
+    /// With what the rig file leaves open estimated in turn; `anew` selects the effects after each estimate.
+    fn settled(
+        &self,
+        mut data: Dataset,
+        mut selection: Selection,
+        anew: impl Fn(&Dataset, Selection) -> Selection,
+    ) -> (Dataset, Selection) {
         for settle in SETTLED_IN_TURN {
             if settle(&mut data, self.prior, &selection.last) {
-                selection = self.select(&data);
+                selection = anew(&data, selection);
             }
         }
         (data, selection)
@@ -321,13 +323,8 @@ impl Interpreter<'_> {
             let (mut rest, mut without) = self.best_without_adjoining(&greatest, &models);
             let after = judge::of_all_rows_above_floor(&rest, &without);
             if above_floor(&rest, &without) < NOT_NOISE || halves_a_rest(&before, &after) {
-                (self.progress)("without a stretch that does not follow its command");
-                let mut selection = match above_floor(&rest, &without) < NOT_NOISE {
-                    true => self.select(&rest),
-                    // What bends the constants least is known, and most effects are.
-                    false => self.select_beside(&rest, without, found.steps.clone()),
-                };
-                (rest, selection) = self.settled(rest, selection);
+                let selection;
+                (rest, selection) = self.selected_without(rest, without, &found.steps);
                 if above_floor(&rest, &selection.last) < NOT_NOISE {
                     return Some(self.without_remnants(rest, selection));
                 }
@@ -339,6 +336,21 @@ impl Interpreter<'_> {
             models.push(without.model);
         }
         best
+    }
+
+    /// Effects and open settings without a stretch, and a fit to what is left. Where that fit does not explain everything, most
+    /// effects are known: a search from the beginning would end with doubts again.
+    fn selected_without(&self, rest: Dataset, without: Fit, steps: &[select::Step]) -> (Dataset, Selection) {
+        (self.progress)("without a stretch that does not follow its command");
+        if above_floor(&rest, &without) < NOT_NOISE {
+            let selection = self.select(&rest);
+            return self.settled(rest, selection, |data, _| self.select(data));
+        }
+        let beside = |data: &Dataset, found: Fit| {
+            select::select_beside(data, self.prior, &self.excluded(data), found, steps.to_vec(), self.progress)
+        };
+        let selection = beside(&rest, without);
+        self.settled(rest, selection, |data, found| beside(data, found.last))
     }
 
     /// Without what adjoins the stretches that are left out, by the model that explains most.
