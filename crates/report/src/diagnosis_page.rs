@@ -191,12 +191,16 @@ fn unexplained(outcome: &Outcome) -> Option<Markup> {
 fn motor(outcome: &Outcome, data: &Dataset) -> Markup {
     let has_nominal = outcome.parameters.values().any(|parameter| parameter.nominal.is_some());
     let rows = outcome.parameters.iter().map(|(name, parameter)| {
-        let interval = parameter.interval();
+        let interval = match parameter.interval() {
+            None => text("not fitted"),
+            Some(_) if outcome.undetermined().any(|other| other == *name) => text("not determined"),
+            Some(interval) => from_to(interval),
+        };
         [
             code([&**name]),
             number(parameter.nominal.map_or("-".into(), short)),
             number(short(parameter.value)),
-            interval.map_or_else(|| text("not fitted"), from_to),
+            interval,
             text(scale_words(parameter.scale).unwrap_or("measured")),
         ]
     });

@@ -165,9 +165,11 @@ fn parameters(outcome: &Outcome) -> String {
     let _ = writeln!(text, "  {:28} {:>10}   found [95 % interval]", "", "nominal");
     for (name, parameter) in &outcome.parameters {
         let nominal = parameter.nominal.map_or("-".into(), short);
-        let interval = parameter
-            .interval()
-            .map_or("not fitted".into(), |[low, high]| format!("{} .. {}", short(low), short(high)));
+        let interval = match parameter.interval() {
+            None => "not fitted".into(),
+            Some(_) if outcome.undetermined().any(|other| other == *name) => "not determined".into(),
+            Some([low, high]) => format!("{} .. {}", short(low), short(high)),
+        };
         let scale = scale_words(parameter.scale).map_or(String::new(), |words| format!(", {words}"));
         let _ = writeln!(text, "  {name:28} {nominal:>10} {:>10}   {interval}{scale}", short(parameter.value));
     }

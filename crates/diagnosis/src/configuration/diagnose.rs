@@ -128,6 +128,8 @@ pub(crate) mod determined {
     pub const MOVED_BY_A_CONSTANT: f64 = 1e-9;
     /// Full range of a PWM value of 8 bits.
     pub const PWM_FULL: f64 = 255.0;
+    /// A constant whose interval spans an order of magnitude is not determined.
+    pub const WIDEST: f64 = 10.0;
 }
 
 /// [`crate::diagnose::hidden_drop`].

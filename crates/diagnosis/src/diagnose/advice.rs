@@ -16,6 +16,8 @@ const BESIDE_UNEXPLAINED: &str =
     "Until this is explained, all constants are approximate. Their intervals contain the noise, not the missing cause.";
 /// The constant without which an imposed current has no torque.
 const TORQUE_CONSTANT: &str = "torque_constant_Nm_per_A";
+/// Begin of the name of viscous friction, of a shaft or a carriage.
+const VISCOUS_FRICTION: &str = "viscous_friction";
 /// Notes on an imposed current.
 const IMPOSED_CURRENT: &str = "No voltage was recorded, so the current is the input. Bridge and winding cannot be judged: record u_V or duty as well if they matter.";
 const IN_AMPERES: &str = "Without [motor] torque_constant_Nm_per_A in the rig file the scale of all torques is unknown: here 1 Nm stands for the torque of 1 A.";
@@ -58,6 +60,25 @@ impl Outcome {
             short(nominal),
             of_winding.unwrap_or_default()
         ))
+    }
+
+    /// Constants of the motor that the data do not determine. Viscous friction may be nothing, which is known then.
+    pub fn undetermined(&self) -> impl Iterator<Item = &'static str> {
+        let may_be_nothing = |name: &str| name.starts_with(VISCOUS_FRICTION);
+        let unknown =
+            move |(name, found): &(&&'static str, &Parameter)| !may_be_nothing(name) && !found.is_determined();
+        self.parameters.iter().filter(unknown).map(|(name, _)| *name)
+    }
+
+    /// Note on such constants.
+    pub(super) fn advice_on_undetermined(&self) -> Option<String> {
+        let names: Vec<&str> = self.undetermined().collect();
+        (!names.is_empty()).then(|| {
+            format!(
+                "These data do not determine {}: the interval spans more than an order of magnitude, and the value is little more than a guess.",
+                names.join(", ")
+            )
+        })
     }
 
     /// Note on an error above the noise that is too small for a name.

@@ -329,6 +329,7 @@ impl Outcome {
             advice: Vec::new(),
         };
         outcome.advice = outcome.advice(data);
+        outcome.advice.extend(outcome.advice_on_undetermined());
         outcome.advice.extend(advice::of_unnamed(model, &selection.standings));
         outcome.advice.extend(not_shown.into_iter().map(undecided::advice));
         let contradictions = contradicted.iter().filter_map(|cause| outcome.contradiction(cause, &model.motor));
@@ -469,6 +470,22 @@ mod tests {
             assert!(low <= ci95[0] && ci95[1] <= high, "{value}: {low} {high}");
         }
         assert_eq!(widened(0.01, [0.0, 0.02])[0], 0.0, "the interval of a constant without a sign ends at zero");
+    }
+
+    /// A ramp does not show the inertia. Viscous friction that may be nothing is known to be small.
+    #[test]
+    fn a_constant_that_may_be_anything_is_not_determined() {
+        let mut outcome = with_torque_constant(1.0);
+        let found = |value: f64, ci95| Parameter { nominal: None, value, ci95, scale: ScaleOrigin::Measured };
+        outcome.parameters.insert("inertia_kg_m2", found(6e-8, [0.0, 3e17]));
+        outcome.parameters.insert("inductance_H", found(3e-3, [1e-3, 9e-3]));
+        outcome.parameters.insert("viscous_friction_Nm_s", found(1e-6, [0.0, 3e-6]));
+        assert_eq!(outcome.undetermined().collect::<Vec<_>>(), ["inertia_kg_m2"]);
+        let told = outcome.advice_on_undetermined().unwrap();
+        assert!(told.starts_with("These data do not determine inertia_kg_m2:"), "{told}");
+        // Held where it was.
+        outcome.parameters.insert("inertia_kg_m2", found(6e-8, [6e-8; 2]));
+        assert_eq!(outcome.advice_on_undetermined(), None);
     }
 
     /// Beside an unexplained rest a value is no cause, but it is not passed over either.

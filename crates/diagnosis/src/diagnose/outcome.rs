@@ -4,6 +4,7 @@
 
 use super::acts_on_words;
 use super::determined::AllDetermined;
+use crate::configuration::diagnose::determined::WIDEST;
 use motorbench_model::Axis;
 use motorbench_model::catalogue::ActsOn;
 use serde::{Serialize, Serializer};
@@ -157,6 +158,11 @@ impl Parameter {
     /// None where the value was held fixed.
     pub fn interval(&self) -> Option<[f64; 2]> {
         with_width(self.ci95)
+    }
+
+    /// Whether its interval spans less than an order of magnitude.
+    pub fn is_determined(&self) -> bool {
+        self.ci95[1] <= WIDEST * self.ci95[0]
     }
 }
 
