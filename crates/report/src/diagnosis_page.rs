@@ -2,7 +2,7 @@
 //! before and after. For each cause it has the plot that proves it. The motor, what to do, and the source of the data
 //! follow. The rest is folded away.
 
-use crate::diagnosis_text::{against_nominal, estimate, rival_comparison, scale_words, title, verdict};
+use crate::diagnosis_text::{against_nominal, estimate, interval, rival_comparison, scale_words, title, verdict};
 use crate::plot::quantity;
 use crate::web_page::{Page, Provenance, code, list, number, table, text};
 use maud::{Markup, html};
@@ -191,16 +191,11 @@ fn unexplained(outcome: &Outcome) -> Option<Markup> {
 fn motor(outcome: &Outcome, data: &Dataset) -> Markup {
     let has_nominal = outcome.parameters.values().any(|parameter| parameter.nominal.is_some());
     let rows = outcome.parameters.iter().map(|(name, parameter)| {
-        let interval = match parameter.interval() {
-            None => text("not fitted"),
-            Some(_) if outcome.undetermined().any(|other| other == *name) => text("not determined"),
-            Some(interval) => from_to(interval),
-        };
         [
             code([&**name]),
             number(parameter.nominal.map_or("-".into(), short)),
             number(short(parameter.value)),
-            interval,
+            interval(outcome, name).map_or_else(text, from_to),
             text(scale_words(parameter.scale).unwrap_or("measured")),
         ]
     });

@@ -2,7 +2,9 @@
 
 use motorbench_diagnosis::dataset::TOLERANCE;
 use motorbench_diagnosis::diagnose::determined::{AllDetermined, Determined, to_start};
-use motorbench_diagnosis::diagnose::outcome::{Cause, Estimate, Outcome, RunnerUp, ScaleOrigin, Unexplained, Verdict};
+use motorbench_diagnosis::diagnose::outcome::{
+    Cause, Estimate, Outcome, Parameter, RunnerUp, ScaleOrigin, Unexplained, Verdict,
+};
 use motorbench_diagnosis::diagnose::{DATA_SHEET_TOLERANCE, Diagnosis};
 use motorbench_model::catalogue::effect;
 use motorbench_text::terminal_text::{rounded, short, wrapped};
@@ -165,15 +167,18 @@ fn parameters(outcome: &Outcome) -> String {
     let _ = writeln!(text, "  {:28} {:>10}   found [95 % interval]", "", "nominal");
     for (name, parameter) in &outcome.parameters {
         let nominal = parameter.nominal.map_or("-".into(), short);
-        let interval = match parameter.interval() {
-            None => "not fitted".into(),
-            Some(_) if outcome.undetermined().any(|other| other == *name) => "not determined".into(),
-            Some([low, high]) => format!("{} .. {}", short(low), short(high)),
-        };
+        let interval = interval(outcome, name)
+            .map_or_else(str::to_owned, |[low, high]| format!("{} .. {}", short(low), short(high)));
         let scale = scale_words(parameter.scale).map_or(String::new(), |words| format!(", {words}"));
         let _ = writeln!(text, "  {name:28} {nominal:>10} {:>10}   {interval}{scale}", short(parameter.value));
     }
     text
+}
+
+/// Interval of a constant of the motor, or why it has none.
+pub(crate) fn interval(outcome: &Outcome, name: &str) -> Result<[f64; 2], &'static str> {
+    let interval = outcome.parameters.get(name).and_then(Parameter::interval).ok_or("not fitted")?;
+    if outcome.undetermined().any(|other| other == name) { Err("not determined") } else { Ok(interval) }
 }
 
 /// Where the scale of a constant comes from, if not from the data.
@@ -209,7 +214,6 @@ pub(crate) fn rival_comparison(runner_up: &RunnerUp) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use motorbench_diagnosis::diagnose::outcome::Parameter;
     use std::collections::BTreeMap;
 
     #[test]

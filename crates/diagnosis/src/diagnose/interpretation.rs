@@ -74,8 +74,11 @@ impl Interpretation {
         let may_be = |about: &About| USUAL.contains(&about.id) || about.is_delay || about.sensor.is_some();
         let refit = |model: &Model, data: &Dataset| fit(model, data, prior, Effort::FULL);
         let is_unnamed = |term: &&Term| !last.model.has(term.id()) && may_be(term.effect.about());
-        let mut model = Model { motor: widest.model.motor, terms: last.model.terms.clone() };
-        model.terms.extend(widest.model.terms.iter().filter(is_unnamed).cloned());
+        let unnamed: Vec<Term> = widest.model.terms.iter().filter(is_unnamed).cloned().collect();
+        if unnamed.is_empty() {
+            return self;
+        }
+        let model = Model { motor: widest.model.motor, terms: [&last.model.terms[..], &unnamed].concat() };
         let mut with = refit(&model, &self.data);
         loop {
             let evidence = |id: &'static str| {

@@ -119,10 +119,10 @@ pub fn anew_from(
     steps: Vec<Step>,
     progress: Progress,
 ) -> Selection {
-    let fits = Fits::new(data, prior);
-    let base = fits.fit(&Model::linear(prior.motor), Effort::FULL);
-    let (last, standings) = Chooser { fits: &fits, data, prior, excluded, progress }.backward(found.clone());
-    Selection { base, steps, widest: found, last, standings }
+    beside_linear(data, prior, excluded, progress, |chooser, base| {
+        let (last, standings) = chooser.backward(found.clone());
+        Selection { base: base.clone(), steps, widest: found, last, standings }
+    })
 }
 
 /// Selects further effects beside those that other data showed, and drops what these data do not show.
@@ -134,11 +134,23 @@ pub(super) fn select_beside(
     steps: Vec<Step>,
     progress: Progress,
 ) -> Selection {
+    beside_linear(data, prior, excluded, progress, |chooser, base| {
+        let further = chooser.forward(found, steps, Lead::Significance);
+        chooser.finished(base, further)
+    })
+}
+
+/// Chooses effects with the linear motor fitted.
+fn beside_linear<Chosen>(
+    data: &Dataset,
+    prior: &Prior,
+    excluded: &[&str],
+    progress: Progress,
+    choose: impl FnOnce(&Chooser, &Fit) -> Chosen,
+) -> Chosen {
     let fits = Fits::new(data, prior);
     let base = fits.fit(&Model::linear(prior.motor), Effort::FULL);
-    let chooser = Chooser { fits: &fits, data, prior, excluded, progress };
-    let further = chooser.forward(found, steps, Lead::Significance);
-    chooser.finished(&base, further)
+    choose(&Chooser { fits: &fits, data, prior, excluded, progress }, &base)
 }
 
 struct Chooser<'a> {

@@ -40,7 +40,7 @@ impl<L: Line> Link<L> {
         } else {
             (ANSWER_TIMEOUT, ANSWER_TICKS)
         };
-        while begun.elapsed() < within || self.is_slow(begun, tick, ticks) {
+        while self.has_time(begun, tick, within, ticks) {
             self.poll()?;
             if let Some(answer) = self.answer(line) {
                 return answer;
@@ -124,9 +124,7 @@ impl<L: Line> Link<L> {
     /// Waits for answers to lines that were given up, so that they are not taken as the answer to the next line.
     pub(super) fn late_answers(&mut self) -> Result<(), BoardError> {
         let (begun, tick) = (Instant::now(), self.last_tick);
-        while self.answers() < self.unanswered
-            && (begun.elapsed() < LATE_ANSWER_TIMEOUT || self.is_slow(begun, tick, LATE_ANSWER_TICKS))
-        {
+        while self.answers() < self.unanswered && self.has_time(begun, tick, LATE_ANSWER_TIMEOUT, LATE_ANSWER_TICKS) {
             self.poll()?;
         }
         self.unanswered = 0;
@@ -139,11 +137,12 @@ impl<L: Line> Link<L> {
         whole.filter(|line| *line == "ok\n" || line.starts_with("error: ")).count() as u32
     }
 
-    /// Whether the board still sends samples or a long answer, and its own clock has not reached this many ticks. A
-    /// busy computer may delay a simulated board, or the bytes.
-    pub(super) fn is_slow(&self, begun: Instant, tick: Option<u32>, within: u32) -> bool {
-        let ticks = self.last_tick.unwrap_or(0).saturating_sub(tick.unwrap_or(0));
-        ticks < within && self.heard.elapsed() < ANSWER_TIMEOUT && begun.elapsed() < LONGEST_ANSWER
+    /// Whether this time is not over by the computer's clock, or by the board's while it still sends samples or a long answer.
+    /// A busy computer may delay a simulated board, or the bytes.
+    pub(super) fn has_time(&self, begun: Instant, tick: Option<u32>, within: Duration, ticks: u32) -> bool {
+        let passed = self.last_tick.unwrap_or(0).saturating_sub(tick.unwrap_or(0));
+        let is_slow = passed < ticks && self.heard.elapsed() < ANSWER_TIMEOUT && begun.elapsed() < LONGEST_ANSWER;
+        begun.elapsed() < within || is_slow
     }
 
     /// The answer, once it is whole: it ends with the last line. An error before that belongs to the remains of a

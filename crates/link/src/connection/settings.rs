@@ -16,7 +16,7 @@ impl<L: Line> Link<L> {
         self.command("save")?;
         let (begun, tick) = (Instant::now(), self.last_tick);
         while !self.reply.contains(SAVED) {
-            if begun.elapsed() > ANSWER_TIMEOUT && !self.is_slow(begun, tick, ANSWER_TICKS) {
+            if !self.has_time(begun, tick, ANSWER_TIMEOUT, ANSWER_TICKS) {
                 return Err(BoardError::Failed("the board does not confirm that the settings are saved".into()));
             }
             self.poll()?;
