@@ -1,18 +1,17 @@
 //! `motorbench compare`: two recordings, two models, or a recording and a model.
 
+mod with_model;
+
 use super::{
-    Failure, JSON_TO, Outputs, TERMINAL, in_units_of, open_next, parsed_model, plot_file, provenance, read_model,
-    read_recording, rig_file, rig_for, write, write_json, write_plot,
+    Failure, JSON_TO, Outputs, TERMINAL, open_next, plot_file, provenance, read_model, read_recording, rig_file, write,
+    write_json, write_plot,
 };
 use clap::Args;
 use host_sim::plant::{Bridge, Inputs, ModelPlant, Plant};
-use maud::{Markup, PreEscaped, html};
+use maud::{Markup, html};
 use motorbench_data::mapping::Mapping;
 use motorbench_data::recording::Channel;
-use motorbench_diagnosis::compare::{Comparison, Difference, compare, distance};
-use motorbench_diagnosis::dataset::Dataset;
-use motorbench_diagnosis::diagnose::judge;
-use motorbench_diagnosis::free_run::{free_run, position};
+use motorbench_diagnosis::compare::{Comparison, Difference, compare};
 use motorbench_diagnosis::identify::Z95;
 use motorbench_files::text_file;
 use motorbench_model::Model;
@@ -20,7 +19,7 @@ use motorbench_model::linear::motor_model::speed;
 use motorbench_report::comparison_page::{self, Compared};
 use motorbench_report::panels::{Panel, panels};
 use motorbench_report::plot::quantity;
-use motorbench_report::web_page::{code, number, table as page_table, text as cell};
+use motorbench_report::web_page::{code, number, table as page_table};
 use motorbench_text::terminal_text::{fixed, short};
 use nalgebra::Complex;
 use serde_json::{Value, json};
@@ -48,7 +47,7 @@ pub struct Arguments {
     /// A column that has another name or unit: speed=omega_rad_per_s*6.2832, pwm=duty/255.
     #[arg(long = "column", visible_alias = "map", value_name = "NAME=CHANNEL")]
     columns: Vec<Mapping>,
-    /// Delay of the second recording; default: found.
+    /// Delay of the second recording, or of the commands beside a model; default: found.
     #[arg(long, value_name = "SECONDS", allow_hyphen_values = true)]
     delay: Option<f64>,
     /// Voltage of the step that two models are compared by.
@@ -93,8 +92,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     arguments.outputs()?;
     match (kind(first)?, kind(second)?) {
         (Kind::Recording, Kind::Recording) => recordings(arguments),
-        (Kind::Recording, Kind::Model) => with_model(arguments, first, second),
-        (Kind::Model, Kind::Recording) => with_model(arguments, second, first),
+        (Kind::Recording, Kind::Model) => with_model::with_model(arguments, first, second),
+        (Kind::Model, Kind::Recording) => with_model::with_model(arguments, second, first),
         (Kind::Model, Kind::Model) => models(arguments),
         (Kind::Constants, Kind::Constants) => constants(arguments),
         _ => Err(Failure::input("a .json (constants with intervals) can be compared only with another .json")),
@@ -242,58 +241,6 @@ pub fn drawn(compared: &Comparison, names: [&str; 2]) -> Drawn {
         [both].into_iter().chain(apart).map(move |panel| panel.aside(is_aside))
     };
     (compared.interval_s, channels.iter().flat_map(of_channel).collect())
-}
-
-/// A free run of the model over the recording, compared with all measured quantities.
-fn with_model(arguments: &Arguments, recording: &Path, model: &Path) -> Result<(), Failure> {
-    let rig = rig_for(arguments.rig.as_deref(), Some(recording))?;
-    let recording = read_recording(recording, &arguments.columns)?;
-    let mut data = Dataset::new(&[recording], &rig).map_err(Failure::input)?;
-    let (axis, model) = parsed_model(model, Model::parse_with_axis)?;
-    if axis != data.axis {
-        return Err(Failure::input(format!(
-            "{}: the recording has {}, and the model {}. Compare it with a recording of its own kind",
-            arguments.second.display(),
-            data.axis.words(),
-            axis.words()
-        )));
-    }
-    // The model was not fitted here, so all data are new to it.
-    data.held_out.fill(true);
-    let prediction = free_run(&model, &data);
-    let mut text = String::from("Free-running simulation of the model against the whole recording\n");
-    let (mut channels, mut drawn, mut fits, mut rows) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-    for (output, measured) in data.measured.iter().enumerate() {
-        let (channel, unit) = (measured.output.channel(), measured.output.unit());
-        let (rmse, fit) = (judge::rmse(&data, &prediction, output), judge::fit_percent(&data, &prediction, output));
-        text += &format!("  {channel:<18} {:>10} {unit} rms, fit {fit:.1} %\n", short(rmse));
-        channels.push(json!({ "channel": channel, "rms": rmse, "fit_percent": fit }));
-        rows.push([code([channel]), number(format!("{} {unit}", short(rmse))), number(format!("{fit:.1} %"))]);
-        fits.push((measured.output.title(), fit));
-        let simulated = prediction[output].clone();
-        let left = measured.values.iter().zip(&simulated).map(|(measured, simulated)| measured - simulated).collect();
-        drawn.push(
-            Panel::new(measured.output.title()).line("measured", measured.values.clone()).line("model", simulated),
-        );
-        drawn.push(Panel::new(&format!("measured - model, {unit}")).difference().line("difference", left));
-    }
-    if !data.axis.drive.is_voltage() {
-        let simulated = position(&model, &data);
-        let (rms, fit) = distance(&data.angle_rad, &simulated);
-        text += &format!("  {:<18} {:>10} rad rms, of the free run\n", Channel::Angle.column(), short(rms));
-        channels.push(json!({ "channel": Channel::Angle.column(), "rms": rms, "fit_percent": fit }));
-        rows.push([code([Channel::Angle.column()]), number(format!("{} rad", short(rms))), cell("of the free run")]);
-        let panel = Panel::new(Channel::Angle.title()).line("measured", data.angle_rad.clone());
-        drawn.push(panel.line("model", simulated));
-    }
-    let text = data.axis.motion.words(&text).into_owned();
-    let result = in_units_of(data.axis, &json!({ "channels": channels }))?;
-    let words = |text: String| data.axis.motion.words(&text).into_owned();
-    let verdict = words(format!("recording and model {}", agreement_in(&fits)));
-    let figures = page_table(&["channel", "rms error", "fit"], rows);
-    let figures =
-        html! { p { "The model runs freely over the whole recording." } (PreEscaped(words(figures.into_string()))) };
-    finish(arguments, &result, Said { verdict: &verdict, text: &text, figures }, &(data.interval_s, drawn))
 }
 
 /// Length of the step response of models, in electromechanical time constants, and its samples.

@@ -210,6 +210,50 @@ fn compare_finds_the_delay_between_two_recordings() {
     assert!(svg.contains("speed, rad/s") && svg.contains("late - run, rad/s") && svg.contains("</svg>"));
 }
 
+/// A program behind a slow link. That is no fault of the model, but it is told.
+#[test]
+fn compare_finds_the_delay_of_a_recording_beside_a_model() {
+    let bench = bench();
+    let directory = TempDir::new().unwrap();
+    let late = directory.path().join("late.csv");
+    let text = std::fs::read_to_string(&bench.run).unwrap();
+    let interval_s = 10.0 / (text.lines().count() - 1) as f64;
+    std::fs::write(&late, commands_earlier(&text, 20)).unwrap();
+    let against = |model: &Path, more: &[&str]| {
+        json_of(&[&["compare", path(&late), path(model), "--rig", path(&bench.rig), "--json", "-"], more].concat())
+    };
+    let (found, as_it_is) = (against(&bench.model, &[]), against(&bench.model, &["--delay", "0"]));
+    let [found_s, kept_s] = [&found, &as_it_is].map(|result| result["delay_s"].as_f64().unwrap());
+    assert!((found_s - 20.0 * interval_s).abs() < interval_s && kept_s == 0.0, "{found_s} s and {kept_s} s");
+    let speed_error = |result: &Value| {
+        let channels = result["channels"].as_array().unwrap();
+        channels.iter().find(|channel| channel["channel"] == "omega_rad_per_s").unwrap()["rms"].as_f64().unwrap()
+    };
+    assert!(speed_error(&found) < 0.2 * speed_error(&as_it_is), "{found} and {as_it_is}");
+    assert!(found["notes"][0].as_str().unwrap().contains("ms late"), "{found}");
+    // A motor that is too quick is a wrong model, and no delay.
+    let quick = directory.path().join("quick.toml");
+    let model = std::fs::read_to_string(&bench.model).unwrap();
+    let inertia = model.lines().find(|line| line.starts_with("inertia_kg_m2")).unwrap();
+    let value: f64 = inertia.split_once('=').unwrap().1.trim().parse().unwrap();
+    std::fs::write(&quick, model.replace(inertia, &format!("inertia_kg_m2 = {}", 0.7 * value))).unwrap();
+    let on_time = json_of(&["compare", path(&bench.run), path(&quick), "--rig", path(&bench.rig), "--json", "-"]);
+    assert_eq!(on_time["delay_s"], 0.0, "{on_time}");
+}
+
+/// A recording whose commands stand some rows before they acted.
+fn commands_earlier(csv: &str, rows: usize) -> String {
+    let (header, body) = csv.split_once('\n').unwrap();
+    let command = header.split(',').position(|name| name == "u_V").unwrap();
+    let cells: Vec<Vec<&str>> = body.lines().map(|line| line.split(',').collect()).collect();
+    let earlier = |row: usize| {
+        let mut line = cells[row].clone();
+        line[command] = cells[row + rows][command];
+        line.join(",") + "\n"
+    };
+    format!("{header}\n") + &(0..cells.len() - rows).map(earlier).collect::<String>()
+}
+
 /// Every command with a plot. The content of a PNG is tested in its own crate.
 #[test]
 fn plots_are_png_where_the_name_says_so() {

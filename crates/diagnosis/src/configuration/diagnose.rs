@@ -250,6 +250,12 @@ pub(crate) mod missing {
     pub const MORE_THAN_TIME: f64 = 1.2;
 }
 
+/// [`crate::diagnose::prediction`].
+pub(crate) mod prediction {
+    /// A delay is found to this share of a row.
+    pub const CLOSENESS: f64 = 0.1;
+}
+
 /// [`crate::diagnose::pwm_frequency`].
 pub(crate) mod pwm_frequency {
     /// Frequencies of an Uno's timers with the usual settings, and of this project's firmware.

@@ -97,6 +97,19 @@ impl Interpretation {
         self
     }
 
+    /// With the prior weighed beside what remains without a name: a constant that the data hardly show is then near its nominal
+    /// value, instead of where it takes a little of the rest.
+    pub(super) fn with_prior_weighed(mut self, prior: &Prior) -> Self {
+        if above_floor(&self.data, &self.selection.last) < NOT_NOISE {
+            return self;
+        }
+        let everything = self.data.with_nothing_held_out();
+        let prior = prior.beside(&self.last, &everything);
+        self.selection.last = fit(&self.selection.last.model, &self.data, &prior, Effort::FULL);
+        self.last = fit(&self.last.model, &everything, &prior, Effort::FULL);
+        self
+    }
+
     /// A constant share of lost counts, where no other effect explains lost counts.
     pub(super) fn random_losses(&self) -> Option<RandomLosses> {
         let Self { data, selection, .. } = self;

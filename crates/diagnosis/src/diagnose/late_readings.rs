@@ -49,6 +49,19 @@ pub(super) fn settled(data: Dataset, prior: &Prior) -> Dataset {
     best.filter(|(_, found)| explains(found)).map_or(data, |(retimed, _)| retimed)
 }
 
+/// The data with each reading at its own time beside a model that was found in other data, if that explains most of what it
+/// lacks. `at_once`: its run without a delay, `usual`: with its own.
+pub(super) fn beside(data: &Dataset, at_once: &Fit, usual: &Fit, prior: &Prior) -> Option<Dataset> {
+    let expected: Vec<f64> = errors(data, &usual.prediction).iter().map(|error| NOT_LATENESS * error).collect();
+    let (late_s, course) = late_s(data, &at_once.prediction, &expected);
+    if course.jumps == 0 || !is_throughout(&late_s) {
+        return None;
+    }
+    let retimed = data.with_late_readings(&late_s, course);
+    let explains = |found: &Fit| found.mean_square() < LEAST_GAIN * usual.mean_square();
+    explains(&fit(&at_once.model, &retimed, prior, Effort::NONE)).then_some(retimed)
+}
+
 /// Models to begin with: those beside which the readings cost least, however late they are. Beside too little friction the
 /// lateness takes the time in which the shaft rests, and a fit beside that lateness finds no more friction.
 fn beginnings(data: &Dataset, usual: &Model, expected: &[f64], prior: &Prior) -> Vec<Model> {

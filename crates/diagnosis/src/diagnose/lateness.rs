@@ -5,10 +5,10 @@
 //! readings move.
 
 use super::judge;
+pub(super) use crate::configuration::diagnose::lateness::{BLOCK_S, JUMP_NATS, QUICK_S};
 use crate::configuration::diagnose::lateness::{
-    BLOCK_S, COARSE_GROWTH, FASTEST_GROWTH, FINE_GROWTH, LATEST_S, LONG_BLOCK_S, MOST_NATS, REFINED,
+    COARSE_GROWTH, FASTEST_GROWTH, FINE_GROWTH, LATEST_S, LONG_BLOCK_S, MOST_NATS, REFINED,
 };
-pub(super) use crate::configuration::diagnose::lateness::{JUMP_NATS, QUICK_S};
 use crate::dataset::{Dataset, LateCourse, Measured, Stretch};
 use crate::free_run::Prediction;
 use crate::identify::Prior;

@@ -27,6 +27,7 @@ mod laws;
 mod mains_hum;
 pub mod missing;
 pub mod outcome;
+pub mod prediction;
 mod pwm_frequency;
 mod pwm_phase;
 mod pwm_ripple;
@@ -119,7 +120,8 @@ pub fn diagnose(recordings: &[Recording], rig: &Rig, progress: select::Progress)
         interpret = interpret.behind(drop, &prior, progress);
     }
     let (scale, interpret) = with_corrected_scale(interpret, &prior, progress);
-    let Interpretation { data, selection, fullest, last, by_other_laws } = interpret.with_unnamed(&prior);
+    let Interpretation { data, selection, fullest, last, by_other_laws } =
+        interpret.with_unnamed(&prior).with_prior_weighed(&prior);
     let motion = data.motion_index();
     let fit_percent = judge::fit_percent(&data, &selection.last.prediction, motion);
     if fit_percent < LEAST_FIT_PERCENT && above_floor(&data, &selection.last) < NOT_NOISE {

@@ -18,12 +18,9 @@ use crate::identify::{Effort, Fit, Fits, LEAST_PROMISE, Prior, Promise, scales};
 pub(super) use backward::NAMED_SIGMAS;
 use forward::Lead;
 use maybe_rayon::prelude::*;
-use motorbench_model::catalogue::{CATALOGUE, Effect};
+use motorbench_model::catalogue::{ACTUATION_DELAY, CATALOGUE, Effect};
 use motorbench_model::{Model, Term};
 use std::collections::BTreeSet;
-
-/// Identifier of the delay.
-const DELAY: &str = "actuation_delay";
 
 /// A step from one model to a larger one.
 #[derive(Clone, Debug)]
@@ -280,7 +277,7 @@ impl Chooser<'_> {
         if !self.data.axis.drive.is_voltage() {
             return None;
         }
-        let delay = self.possible().find(|effect| effect.about().id == DELAY)?;
+        let delay = self.possible().find(|effect| effect.about().id == ACTUATION_DELAY)?;
         let quick = lateness::at_once(&lateness::with_time_constant(model, lateness::QUICK_S), self.prior);
         let errors = lateness::errors(self.data, &self.fits.replay.free_run(model));
         let late_s = lateness::constant_s(self.data, &self.fits.replay.free_run(&quick), &errors);

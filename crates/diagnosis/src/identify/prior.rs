@@ -1,5 +1,6 @@
 //! What is known of a motor before its data: the rig file, and the extremes of the data.
 
+use super::Fit;
 use super::unknowns::TORQUE_CONSTANT;
 use crate::configuration::identify::prior::{
     FRICTION_SPREAD, GUESS_SPREAD, LATE_READINGS_S, SCALE_SPREAD, UNKNOWN_FRICTION_SPREAD, USUAL_TIME_CONSTANTS_S,
@@ -21,6 +22,9 @@ pub struct Prior {
     pub nominal: NominalMotor,
     /// The bridge's drop by the rig file, where the data can show one.
     pub bridge_drop_v: Option<f64>,
+    /// What the squares of its deviations weigh beside the squares of the residuals: the mean square of the residuals over the
+    /// share of them that is independent; 1 where they are noise.
+    pub weight: f64,
 }
 
 /// How late a speed is read after its command: one standard deviation of what the rows leave open.
@@ -81,6 +85,7 @@ impl Prior {
             ],
             nominal: *nominal,
             bridge_drop_v: None,
+            weight: 1.0,
         }
     }
 
@@ -118,7 +123,14 @@ impl Prior {
                 ..NominalMotor::default()
             },
             bridge_drop_v: None,
+            weight: 1.0,
         }
+    }
+
+    /// The same beside the residuals of a fit. What a model lacks makes them large and alike over many rows: counted as so many
+    /// readings, they would outweigh every nominal value.
+    pub fn beside(&self, found: &Fit, data: &Dataset) -> Self {
+        Self { weight: found.square_of_independent(data).max(1.0), ..self.clone() }
     }
 
     /// The same with a bridge by its data sheet.

@@ -183,10 +183,8 @@ impl Sensitivities {
 
     /// Half the gradient of the cost.
     pub fn gradient(&self, model: &Model, residual: &[f64], unknowns: &[Unknown]) -> DVector<f64> {
-        let pulls = self.columns.iter().zip(unknowns).map(|(column, unknown)| {
-            let prior = unknown.prior.map_or(0.0, |(mean, spread)| (unknown.get(model) - mean) / (spread * spread));
-            dot(column, residual) + prior
-        });
+        let pull = |(column, unknown): (&Vec<f64>, &Unknown)| dot(column, residual) + unknown.pull(model);
+        let pulls = self.columns.iter().zip(unknowns).map(pull);
         DVector::from_iterator(self.columns.len(), pulls)
     }
 
@@ -211,9 +209,7 @@ fn normal(columns: &[Vec<f64>], unknowns: &[Unknown]) -> DMatrix<f64> {
         }
     }
     for (index, unknown) in unknowns.iter().enumerate() {
-        if let Some((_, spread)) = unknown.prior {
-            normal[(index, index)] += 1.0 / (spread * spread);
-        }
+        normal[(index, index)] += unknown.stiffness();
     }
     normal
 }

@@ -67,6 +67,11 @@ impl Fit {
         self.used() as f64 / correlation.max(1.0)
     }
 
+    /// Sum of the squares of the residuals for each that is independent.
+    pub(super) fn square_of_independent(&self, data: &Dataset) -> f64 {
+        square(&self.residual) / self.independent_residuals(data).max(1.0)
+    }
+
     /// Covariance of the coordinates that holds for residuals correlated within a block.
     fn covariance(&self, data: &Dataset, block_s: f64) -> DMatrix<f64> {
         let block = (block_s / data.interval_s).max(1.0) as usize;
@@ -89,7 +94,7 @@ impl Fit {
             middle += &gradient * gradient.transpose();
         }
         for (index, unknown) in self.unknowns.iter().enumerate() {
-            middle[(index, index)] += unknown.prior.map_or(0.0, |(_, spread)| 1.0 / (spread * spread));
+            middle[(index, index)] += unknown.weight * unknown.stiffness();
         }
         inverse * middle * inverse
     }
@@ -117,7 +122,8 @@ impl Fit {
     /// The same with the constants that the model holds at their prior means among the unknown ones: then the uncertainty
     /// contains what they leave open. They come last.
     pub fn with_held_open(&self, data: &Dataset) -> Self {
-        let held = unknowns_of_terms(&self.model, data, None, |term| self.model.holds(term));
+        let weight = self.unknowns.first().map_or(1.0, |unknown| unknown.weight);
+        let held = unknowns_of_terms(&self.model, data, None, weight, |term| self.model.holds(term));
         if held.is_empty() {
             return self.clone();
         }

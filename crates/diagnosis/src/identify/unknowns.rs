@@ -52,6 +52,8 @@ pub(super) struct Unknown {
     pub max: f64,
     /// Mean and standard deviation of the prior of its coordinate, if there is one.
     pub prior: Option<(f64, f64)>,
+    /// What the prior weighs beside the squares of the residuals, see [`Prior::weight`].
+    pub weight: f64,
 }
 
 impl Unknown {
@@ -61,6 +63,21 @@ impl Unknown {
             Place::Term(term, index) => model.terms[term].values[index],
         };
         if self.logarithmic { value.ln() } else { value / self.size }
+    }
+
+    /// Distance from the prior's mean.
+    fn deviation(&self, model: &Model) -> f64 {
+        self.prior.map_or(0.0, |(mean, _)| self.get(model) - mean)
+    }
+
+    /// Half the second derivative of the prior's cost.
+    pub fn stiffness(&self) -> f64 {
+        self.prior.map_or(0.0, |(_, spread)| self.weight / (spread * spread))
+    }
+
+    /// Half the first derivative of the prior's cost.
+    pub fn pull(&self, model: &Model) -> f64 {
+        self.stiffness() * self.deviation(model)
     }
 
     pub fn set(&self, model: &mut Model, coordinate: f64) {
@@ -126,9 +143,11 @@ pub(super) fn unknowns(model: &Model, data: &Dataset, prior: &Prior) -> Vec<Unkn
             min: if logarithmic { f64::MIN_POSITIVE } else { 0.0 },
             max: f64::INFINITY,
             prior: Some((mean, if logarithmic { prior.spread[index] } else { 1.0 })),
+            weight: prior.weight,
         }
     });
-    motor.chain(unknowns_of_terms(model, data, prior.bridge_drop_v, |term| !model.holds(term))).collect()
+    let chosen = |term: &Term| !model.holds(term);
+    motor.chain(unknowns_of_terms(model, data, prior.bridge_drop_v, prior.weight, chosen)).collect()
 }
 
 /// Whether the data can say anything of a constant of the motor. Without a known load, the torque constant only scales all
@@ -142,6 +161,7 @@ pub(super) fn unknowns_of_terms(
     model: &Model,
     data: &Dataset,
     bridge_drop_v: Option<f64>,
+    weight: f64,
     chosen: impl Fn(&Term) -> bool,
 ) -> Vec<Unknown> {
     let scales = scales(&model.motor, data);
@@ -168,6 +188,7 @@ pub(super) fn unknowns_of_terms(
                     min,
                     max,
                     prior: known.map(|(mean, spread)| (mean / size, spread / size)),
+                    weight,
                 }
             })
             .collect::<Vec<_>>()
@@ -176,6 +197,5 @@ pub(super) fn unknowns_of_terms(
 }
 
 pub(super) fn prior_cost(model: &Model, unknowns: &[Unknown]) -> f64 {
-    let deviation = |unknown: &Unknown| unknown.prior.map(|(mean, spread)| (unknown.get(model) - mean) / spread);
-    unknowns.iter().filter_map(deviation).map(|deviation| deviation * deviation).sum()
+    unknowns.iter().map(|unknown| unknown.pull(model) * unknown.deviation(model)).sum()
 }

@@ -16,6 +16,7 @@ mod schema;
 mod scoring;
 mod single_step;
 mod slow_pwm;
+mod slow_ramp;
 mod steady_tables;
 mod unknown_effects;
 

@@ -81,6 +81,9 @@ pub static CATALOGUE: &[&dyn Effect] = &[
     &speed_lag::SpeedLag,
 ];
 
+/// A command that acts late.
+pub const ACTUATION_DELAY: &str = "actuation_delay";
+
 /// The drop of bridge and brushes.
 pub const VOLTAGE_DROP: &str = "voltage_drop";
 

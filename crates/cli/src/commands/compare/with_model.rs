@@ -1,0 +1,114 @@
+//! A recording compared with what a model predicts of it.
+
+use super::{Arguments, Said, agreement_in, finish};
+use crate::commands::{Failure, in_units_of, parsed_model, read_recording, rig_for};
+use maud::{PreEscaped, html};
+use motorbench_data::recording::Channel;
+use motorbench_diagnosis::compare::distance;
+use motorbench_diagnosis::dataset::{Dataset, Measured};
+use motorbench_diagnosis::diagnose::judge;
+use motorbench_diagnosis::diagnose::prediction::{Predicted, delay_s};
+use motorbench_diagnosis::free_run::position;
+use motorbench_model::Model;
+use motorbench_report::panels::Panel;
+use motorbench_report::web_page::{code, number, table as page_table, text as cell};
+use motorbench_text::terminal_text::{short, wrapped};
+use serde_json::{Value, json};
+use std::path::Path;
+
+/// A free run of the model over the recording, compared with all measured quantities.
+pub(super) fn with_model(arguments: &Arguments, recording: &Path, model: &Path) -> Result<(), Failure> {
+    let rig = rig_for(arguments.rig.as_deref(), Some(recording))?;
+    let recording = read_recording(recording, &arguments.columns)?;
+    let data = Dataset::new(&[recording], &rig).map_err(Failure::input)?;
+    let (axis, model) = parsed_model(model, Model::parse_with_axis)?;
+    if axis != data.axis {
+        return Err(Failure::input(format!(
+            "{}: the recording has {}, and the model {}. Compare it with a recording of its own kind",
+            arguments.second.display(),
+            data.axis.words(),
+            axis.words()
+        )));
+    }
+    let predicted = Predicted::of(data, &model, &rig, arguments.delay);
+    let notes: Vec<String> = delay_note(&predicted, &model).into_iter().chain(predicted.data.notes()).collect();
+    let channels = channels(&predicted);
+    let axis = predicted.data.axis;
+    let words = |text: &str| axis.motion.words(text).into_owned();
+    let mut text = String::from("Free-running simulation of the model against the whole recording\n");
+    for Quantity { channel, unit, rms, fit_percent, .. } in &channels {
+        let fit = fit_percent.map_or("of the free run".into(), |fit| format!("fit {fit:.1} %"));
+        text += &format!("  {channel:<18} {:>10} {unit} rms, {fit}\n", short(*rms));
+    }
+    notes.iter().for_each(|note| text += &wrapped(note, "", ""));
+    let rows = channels.iter().map(|Quantity { channel, unit, rms, fit_percent, .. }| {
+        let fit = fit_percent.map_or(cell("of the free run"), |fit| number(format!("{fit:.1} %")));
+        [code([*channel]), number(format!("{} {unit}", short(*rms))), fit]
+    });
+    let figures = page_table(&["channel", "rms error", "fit"], rows).into_string();
+    let in_json = |one: &Quantity| json!({ "channel": one.channel, "rms": one.rms, "fit_percent": one.fit_percent });
+    let of_channels: Vec<Value> = channels.iter().map(in_json).collect();
+    let fits: Vec<_> = channels.iter().filter_map(|one| Some((one.title, one.fit_percent?))).collect();
+    finish(
+        arguments,
+        &in_units_of(axis, &json!({ "delay_s": predicted.delay_s(), "channels": of_channels, "notes": notes }))?,
+        Said {
+            verdict: &words(&format!("recording and model {}", agreement_in(&fits))),
+            text: &words(&text),
+            figures: html! {
+                p { "The model runs freely over the whole recording." }
+                (PreEscaped(words(&figures)))
+                @for note in &notes { p { (words(note)) } }
+            },
+        },
+        &(predicted.data.interval_s, channels.into_iter().flat_map(|one| one.panels).collect()),
+    )
+}
+
+/// A quantity of a recording beside what a model predicts of it.
+struct Quantity {
+    channel: &'static str,
+    title: &'static str,
+    unit: &'static str,
+    rms: f64,
+    /// `None`: the place of a free run, from its beginning.
+    fit_percent: Option<f64>,
+    panels: Vec<Panel>,
+}
+
+fn channels(Predicted { data, model, prediction }: &Predicted) -> Vec<Quantity> {
+    let compared = |(output, measured): (usize, &Measured)| {
+        let (title, unit) = (measured.output.title(), measured.output.unit());
+        let simulated = prediction[output].clone();
+        let left = measured.values.iter().zip(&simulated).map(|(measured, simulated)| measured - simulated).collect();
+        let both = Panel::new(title).line("measured", measured.values.clone()).line("model", simulated);
+        let apart = Panel::new(&format!("measured - model, {unit}")).difference().line("difference", left);
+        Quantity {
+            channel: measured.output.channel(),
+            title,
+            unit,
+            rms: judge::rmse(data, prediction, output),
+            fit_percent: Some(judge::fit_percent(data, prediction, output)),
+            panels: vec![both, apart],
+        }
+    };
+    let of_place = (!data.axis.drive.is_voltage()).then(|| {
+        let simulated = position(model, data);
+        let (title, channel) = (Channel::Angle.title(), Channel::Angle.column());
+        let (rms, _) = distance(&data.angle_rad, &simulated);
+        let panel = Panel::new(title).line("measured", data.angle_rad.clone()).line("model", simulated);
+        Quantity { channel, title, unit: "rad", rms, fit_percent: None, panels: vec![panel] }
+    });
+    data.measured.iter().enumerate().map(compared).chain(of_place).collect()
+}
+
+/// Where the recording has another delay than the model.
+fn delay_note(predicted: &Predicted, model: &Model) -> Option<String> {
+    let [here, there] = [predicted.delay_s(), delay_s(model)].map(|delay_s| short(1e3 * delay_s));
+    (here != there).then(|| {
+        format!(
+            "The commands of this recording act {here} ms late, and those of the model {there} ms. That belongs to the program and its link, so the recording's was taken. --delay {} compares with the model's.",
+            delay_s(model)
+        )
+    })
+}
