@@ -231,6 +231,9 @@ fn compare_finds_the_delay_of_a_recording_beside_a_model() {
     };
     assert!(speed_error(&found) < 0.2 * speed_error(&as_it_is), "{found} and {as_it_is}");
     assert!(found["notes"][0].as_str().unwrap().contains("ms late"), "{found}");
+    motorbench(&["compare", path(&late), path(&bench.model), "--rig", path(&bench.rig), "--delay", "-0.1"])
+        .code(1)
+        .stderr(predicate::str::contains("the delay is 0 or more"));
     // A motor that is too quick is a wrong model, and no delay.
     let quick = directory.path().join("quick.toml");
     let model = std::fs::read_to_string(&bench.model).unwrap();

@@ -30,6 +30,11 @@ pub(super) fn with_model(arguments: &Arguments, recording: &Path, model: &Path) 
             axis.words()
         )));
     }
+    if let Some(delay_s) = arguments.delay.filter(|delay_s| *delay_s < 0.0) {
+        return Err(Failure::input(format!(
+            "--delay {delay_s}: a command acts after it is given, so beside a model the delay is 0 or more"
+        )));
+    }
     let predicted = Predicted::of(data, &model, &rig, arguments.delay);
     let notes: Vec<String> = delay_note(&predicted, &model).into_iter().chain(predicted.data.notes()).collect();
     let channels = channels(&predicted);
