@@ -2,7 +2,7 @@
 
 use super::{Arguments, Said, agreement_in, finish};
 use crate::commands::{Failure, in_units_of, parsed_model, read_recording, rig_for};
-use maud::{PreEscaped, html};
+use maud::{Markup, PreEscaped, html};
 use motorbench_data::recording::Channel;
 use motorbench_diagnosis::compare::distance;
 use motorbench_diagnosis::dataset::{Dataset, Measured};
@@ -36,24 +36,19 @@ pub(super) fn with_model(arguments: &Arguments, recording: &Path, model: &Path) 
         )));
     }
     let predicted = Predicted::of(data, &model, &rig, arguments.delay);
-    let notes: Vec<String> = delay_note(&predicted, &model).into_iter().chain(predicted.data.notes()).collect();
-    let channels = channels(&predicted);
+    let is_found = arguments.delay.is_none() && predicted.data.origin.late_readings.is_none();
+    let delay_note = is_found.then(|| delay_note(predicted.delay_s(), delay_s(&model))).flatten();
+    let notes: Vec<String> = delay_note.into_iter().chain(predicted.data.notes()).collect();
+    let quantities = quantities(&predicted);
     let axis = predicted.data.axis;
     let words = |text: &str| axis.motion.words(text).into_owned();
+    let of_channels: Vec<Value> = quantities.iter().map(Quantity::json).collect();
+    let measured = quantities.iter().filter(|one| !one.is_place);
+    let fits: Vec<_> = measured.filter_map(|one| Some((one.title, one.fit_percent?))).collect();
+    let figures = page_table(&["channel", "rms error", "fit"], quantities.iter().map(Quantity::cells)).into_string();
     let mut text = String::from("Free-running simulation of the model against the whole recording\n");
-    for Quantity { channel, unit, rms, fit_percent, .. } in &channels {
-        let fit = fit_percent.map_or("of the free run".into(), |fit| format!("fit {fit:.1} %"));
-        text += &format!("  {channel:<18} {:>10} {unit} rms, {fit}\n", short(*rms));
-    }
+    quantities.iter().for_each(|one| text += &one.line());
     notes.iter().for_each(|note| text += &wrapped(note, "", ""));
-    let rows = channels.iter().map(|Quantity { channel, unit, rms, fit_percent, .. }| {
-        let fit = fit_percent.map_or(cell("of the free run"), |fit| number(format!("{fit:.1} %")));
-        [code([*channel]), number(format!("{} {unit}", short(*rms))), fit]
-    });
-    let figures = page_table(&["channel", "rms error", "fit"], rows).into_string();
-    let in_json = |one: &Quantity| json!({ "channel": one.channel, "rms": one.rms, "fit_percent": one.fit_percent });
-    let of_channels: Vec<Value> = channels.iter().map(in_json).collect();
-    let fits: Vec<_> = channels.iter().filter_map(|one| Some((one.title, one.fit_percent?))).collect();
     finish(
         arguments,
         &in_units_of(axis, &json!({ "delay_s": predicted.delay_s(), "channels": of_channels, "notes": notes }))?,
@@ -66,7 +61,7 @@ pub(super) fn with_model(arguments: &Arguments, recording: &Path, model: &Path) 
                 @for note in &notes { p { (words(note)) } }
             },
         },
-        &(predicted.data.interval_s, channels.into_iter().flat_map(|one| one.panels).collect()),
+        &(predicted.data.interval_s, quantities.into_iter().flat_map(|one| one.panels).collect()),
     )
 }
 
@@ -76,12 +71,40 @@ struct Quantity {
     title: &'static str,
     unit: &'static str,
     rms: f64,
-    /// `None`: the place of a free run, from its beginning.
+    /// `None` where what is measured is constant.
     fit_percent: Option<f64>,
+    /// The place of a free run, which is far off after a long one.
+    is_place: bool,
     panels: Vec<Panel>,
 }
 
-fn channels(Predicted { data, model, prediction }: &Predicted) -> Vec<Quantity> {
+impl Quantity {
+    fn json(&self) -> Value {
+        json!({ "channel": self.channel, "rms": self.rms, "fit_percent": self.fit_percent })
+    }
+
+    fn error(&self) -> String {
+        format!("{:>10} {}", short(self.rms), self.unit)
+    }
+
+    fn fit(&self) -> Option<String> {
+        self.fit_percent.filter(|_| !self.is_place).map(|fit| format!("{fit:.1} %"))
+    }
+
+    /// A line of the text.
+    fn line(&self) -> String {
+        let fit = self.fit().map_or("of the free run".into(), |fit| format!("fit {fit}"));
+        format!("  {:<18} {} rms, {fit}\n", self.channel, self.error())
+    }
+
+    /// A row of the page's table.
+    fn cells(&self) -> [Markup; 3] {
+        let fit = self.fit().map_or(cell("of the free run"), number);
+        [code([self.channel]), number(self.error().trim_start()), fit]
+    }
+}
+
+fn quantities(Predicted { data, model, prediction }: &Predicted) -> Vec<Quantity> {
     let compared = |(output, measured): (usize, &Measured)| {
         let (title, unit) = (measured.output.title(), measured.output.unit());
         let simulated = prediction[output].clone();
@@ -94,26 +117,27 @@ fn channels(Predicted { data, model, prediction }: &Predicted) -> Vec<Quantity> 
             unit,
             rms: judge::rmse(data, prediction, output),
             fit_percent: Some(judge::fit_percent(data, prediction, output)),
+            is_place: false,
             panels: vec![both, apart],
         }
     };
     let of_place = (!data.axis.drive.is_voltage()).then(|| {
         let simulated = position(model, data);
         let (title, channel) = (Channel::Angle.title(), Channel::Angle.column());
-        let (rms, _) = distance(&data.angle_rad, &simulated);
+        let (rms, fit_percent) = distance(&data.angle_rad, &simulated);
         let panel = Panel::new(title).line("measured", data.angle_rad.clone()).line("model", simulated);
-        Quantity { channel, title, unit: "rad", rms, fit_percent: None, panels: vec![panel] }
+        Quantity { channel, title, unit: "rad", rms, fit_percent, is_place: true, panels: vec![panel] }
     });
     data.measured.iter().enumerate().map(compared).chain(of_place).collect()
 }
 
 /// Where the recording has another delay than the model.
-fn delay_note(predicted: &Predicted, model: &Model) -> Option<String> {
-    let [here, there] = [predicted.delay_s(), delay_s(model)].map(|delay_s| short(1e3 * delay_s));
-    (here != there).then(|| {
+fn delay_note(of_recording_s: f64, of_model_s: f64) -> Option<String> {
+    let [recording_ms, model_ms] = [of_recording_s, of_model_s].map(|delay_s| short(1e3 * delay_s));
+    (recording_ms != model_ms).then(|| {
         format!(
-            "The commands of this recording act {here} ms late, and those of the model {there} ms. That belongs to the program and its link, so the recording's was taken. --delay {} compares with the model's.",
-            delay_s(model)
+            "The commands of this recording act {recording_ms} ms late, and those of the model {model_ms} ms. That belongs to the program and its link, so the recording's was taken. --delay {} compares with the model's.",
+            short(of_model_s)
         )
     })
 }
