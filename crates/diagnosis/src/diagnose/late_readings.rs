@@ -41,12 +41,12 @@ pub(super) fn settled(data: Dataset, prior: &Prior) -> Dataset {
     expected.iter_mut().for_each(|error| *error *= NOT_LATENESS);
     let begun = beginnings(&data, &usual.model, &expected, prior).into_par_iter();
     let mut begun: Vec<_> = begun.filter_map(|from| moved(&data, &from, &expected, prior)).collect();
-    begun.sort_by(|one, other| nats(one).total_cmp(&nats(other)));
+    let cost = |(retimed, found): &(Dataset, Fit)| nats(retimed, found);
+    begun.sort_by(|one, other| cost(one).total_cmp(&cost(other)));
     begun.truncate(FOLLOWED);
     let ways = begun.into_par_iter().filter_map(|way| followed(&data, way, &expected, prior));
-    let best = ways.min_by(|one, other| nats(one).total_cmp(&nats(other)));
-    let explains = |found: &Fit| found.mean_square() < LEAST_GAIN * usual.mean_square();
-    best.filter(|(_, found)| explains(found)).map_or(data, |(retimed, _)| retimed)
+    let best = ways.min_by(|one, other| cost(one).total_cmp(&cost(other)));
+    best.filter(|(retimed, found)| explains(retimed, found, &data, &usual)).map_or(data, |(retimed, _)| retimed)
 }
 
 /// The data with each reading at its own time beside a model that was found in other data, if that explains most of what it
@@ -58,8 +58,8 @@ pub(super) fn beside(data: &Dataset, at_once: &Fit, usual: &Fit, prior: &Prior) 
         return None;
     }
     let retimed = data.with_late_readings(&late_s, course);
-    let explains = |found: &Fit| found.mean_square() < LEAST_GAIN * usual.mean_square();
-    explains(&fit(&at_once.model, &retimed, prior, Effort::NONE)).then_some(retimed)
+    let found = fit(&at_once.model, &retimed, prior, Effort::NONE);
+    explains(&retimed, &found, data, usual).then_some(retimed)
 }
 
 /// Models to begin with: those beside which the readings cost least, however late they are. Beside too little friction the
@@ -109,10 +109,16 @@ fn followed(data: &Dataset, begun: (Dataset, Fit), expected: &[f64], prior: &Pri
     Some(best)
 }
 
-/// What the readings cost that were moved, in natural units, and what the jumps cost that moved them.
-fn nats((retimed, found): &(Dataset, Fit)) -> f64 {
-    let jumps = retimed.origin.late_readings.map_or(0, |late| late.jumps());
-    let independent = retimed.len() as f64 * retimed.interval_s / judge::BLOCK_S;
+/// Whether a lateness explains most of what is left without it, and is worth its jumps. With a jump every now and then the
+/// readings come closer to any model, as to one without the torque that acts.
+fn explains(retimed: &Dataset, found: &Fit, data: &Dataset, without: &Fit) -> bool {
+    found.mean_square() < LEAST_GAIN * without.mean_square() && nats(retimed, found) < nats(data, without)
+}
+
+/// What readings cost beside a model, in natural units, and what the jumps cost that moved them.
+fn nats(data: &Dataset, found: &Fit) -> f64 {
+    let jumps = data.origin.late_readings.map_or(0, |late| late.jumps());
+    let independent = data.len() as f64 * data.interval_s / judge::BLOCK_S;
     0.5 * independent * found.mean_square().ln() + JUMP_NATS * jumps as f64
 }
 

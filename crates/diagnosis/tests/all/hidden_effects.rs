@@ -32,6 +32,14 @@ fn clean_benches_are_sufficiently_explained_by_the_linear_motor() {
     }
 }
 
+/// With a jump every now and then, late readings come closer to any model, as to one without the torque that acts.
+#[test]
+fn a_constant_torque_is_no_lateness_of_the_readings() {
+    let seed = 51039;
+    let diagnosis = assert_found(seed, &recipe("real", seed));
+    assert!(diagnosis.data.origin.late_readings.is_none());
+}
+
 /// Effects with a test of their own are left out.
 #[test]
 fn every_effect_is_found_alone() {
