@@ -225,10 +225,7 @@ fn compare_finds_the_delay_of_a_recording_beside_a_model() {
     let (found, as_it_is) = (against(&bench.model, &[]), against(&bench.model, &["--delay", "0"]));
     let [found_s, kept_s] = [&found, &as_it_is].map(|result| result["delay_s"].as_f64().unwrap());
     assert!((found_s - 20.0 * interval_s).abs() < interval_s && kept_s == 0.0, "{found_s} s and {kept_s} s");
-    let speed_error = |result: &Value| {
-        let channels = result["channels"].as_array().unwrap();
-        channels.iter().find(|channel| channel["channel"] == "omega_rad_per_s").unwrap()["rms"].as_f64().unwrap()
-    };
+    let speed_error = |result: &Value| of_speed(result, "rms");
     assert!(speed_error(&found) < 0.2 * speed_error(&as_it_is), "{found} and {as_it_is}");
     assert!(found["notes"][0].as_str().unwrap().contains("ms late"), "{found}");
     motorbench(&["compare", path(&late), path(&bench.model), "--rig", path(&bench.rig), "--delay", "-0.1"])
@@ -242,6 +239,12 @@ fn compare_finds_the_delay_of_a_recording_beside_a_model() {
     std::fs::write(&quick, model.replace(inertia, &format!("inertia_kg_m2 = {}", 0.7 * value))).unwrap();
     let on_time = json_of(&["compare", path(&bench.run), path(&quick), "--rig", path(&bench.rig), "--json", "-"]);
     assert_eq!(on_time["delay_s"], 0.0, "{on_time}");
+}
+
+/// A figure that a comparison has of the speed.
+fn of_speed(compared: &Value, figure: &str) -> f64 {
+    let channels = compared["channels"].as_array().unwrap();
+    channels.iter().find(|channel| channel["channel"] == "omega_rad_per_s").unwrap()[figure].as_f64().unwrap()
 }
 
 /// A recording whose commands stand some rows before they acted.
@@ -310,12 +313,7 @@ fn compare_tells_models_and_their_constants_apart() {
 
     let good = json_of(&["compare", path(&bench.run), path(&bench.model), "--rig", path(&bench.rig), "--json", "-"]);
     let bad = json_of(&["compare", path(&bench.run), path(&other), "--rig", path(&bench.rig), "--json", "-"]);
-    let fit = |result: &Value| {
-        let channels = result["channels"].as_array().unwrap();
-        channels.iter().find(|channel| channel["channel"] == "omega_rad_per_s").unwrap()["fit_percent"]
-            .as_f64()
-            .unwrap()
-    };
+    let fit = |result: &Value| of_speed(result, "fit_percent");
     assert!(fit(&good) > 97.0 && fit(&bad) < 90.0, "{} and {}", fit(&good), fit(&bad));
 
     let constants = |name: &str, resistance: f64| {

@@ -129,18 +129,20 @@ pub(super) fn with_corrected_scale(
 ) -> (Option<Scale>, Interpretation) {
     let doubts = |way: &Interpretation| data_sheet::doubts(&way.data, prior, &way.selection.last);
     let of = |fit: &Fit| Scale::of(&recorded.data, prior, fit);
-    let [has_rest, is_far_off] = doubts(&recorded);
     // In a scale that is far off the search may have failed.
+    let search_may_have_failed = doubts(&recorded).contains(&true);
     let scale =
-        of(&recorded.selection.last).or_else(|| of(&recorded.selection.base).filter(|_| has_rest || is_far_off));
-    // A model in another scale leaves the same rest, unless that is another unit. An unknown effect, or unknown command times,
-    // bias all constants, but hardly by as much as another unit does.
-    let is_sure = |scale: &Scale| scale.is_another_unit() || !has_rest && !recorded.data.has_moments();
-    let Some(scale) = scale.filter(is_sure) else { return (None, recorded) };
+        of(&recorded.selection.last).or_else(|| of(&recorded.selection.base).filter(|_| search_may_have_failed));
+    // An unknown effect, or unknown command times, bias all constants, but hardly by as much as another unit does.
+    let is_sure = |scale: &Scale, way: &Interpretation| {
+        let [has_rest, _] = doubts(way);
+        scale.is_another_unit() || !has_rest && !way.data.has_moments()
+    };
+    // In another scale most models leave the same rest.
+    let Some(scale) = scale.filter(|scale| is_sure(scale, &recorded)) else { return (None, recorded) };
     progress("in another scale");
     let corrected = interpret_trusted(scale.corrected(&recorded.data), prior, &[], progress);
-    let [has_rest, _] = doubts(&corrected);
-    if (has_rest || corrected.data.has_moments()) && !scale.is_another_unit() {
+    if !is_sure(&scale, &corrected) {
         return (None, recorded);
     }
     // Only the nominal values show a scale: if the motor is farther from them afterwards, the scale is wrong.

@@ -14,7 +14,7 @@ use crate::configuration::diagnose::late_readings::{
     TIME_CONSTANTS_S,
 };
 use crate::dataset::{Dataset, LateCourse, greatest, median};
-use crate::free_run::free_run;
+use crate::free_run::{Prediction, free_run};
 use crate::identify::{Effort, Fit, Prior, fit};
 use maybe_rayon::prelude::*;
 use motorbench_model::catalogue::effect;
@@ -37,8 +37,7 @@ pub(super) fn settled(data: Dataset, prior: &Prior) -> Dataset {
         return data;
     }
     // What the usual model lacks is mostly the lateness. Later, as much is expected as the best model so far has lacked.
-    let mut expected: Vec<f64> = errors(&data, &usual.prediction);
-    expected.iter_mut().for_each(|error| *error *= NOT_LATENESS);
+    let expected = expected_of_others(&data, &usual);
     let begun = beginnings(&data, &usual.model, &expected, prior).into_par_iter();
     let mut begun: Vec<_> = begun.filter_map(|from| moved(&data, &from, &expected, prior)).collect();
     let cost = |(retimed, found): &(Dataset, Fit)| nats(retimed, found);
@@ -52,14 +51,15 @@ pub(super) fn settled(data: Dataset, prior: &Prior) -> Dataset {
 /// The data with each reading at its own time beside a model that was found in other data, if that explains most of what it
 /// lacks. `at_once`: its run without a delay, `usual`: with its own.
 pub(super) fn beside(data: &Dataset, at_once: &Fit, usual: &Fit, prior: &Prior) -> Option<Dataset> {
-    let expected: Vec<f64> = errors(data, &usual.prediction).iter().map(|error| NOT_LATENESS * error).collect();
-    let (late_s, course) = late_s(data, &at_once.prediction, &expected);
-    if course.jumps == 0 || !is_throughout(&late_s) {
-        return None;
-    }
+    let (late_s, course) = found_late(data, &at_once.prediction, &expected_of_others(data, usual))?;
     let retimed = data.with_late_readings(&late_s, course);
     let found = fit(&at_once.model, &retimed, prior, Effort::NONE);
     explains(&retimed, &found, data, usual).then_some(retimed)
+}
+
+/// What is expected of anything but a lateness: a share of what a model lacks in each quantity.
+fn expected_of_others(data: &Dataset, found: &Fit) -> Vec<f64> {
+    errors(data, &found.prediction).iter().map(|error| NOT_LATENESS * error).collect()
 }
 
 /// Models to begin with: those beside which the readings cost least, however late they are. Beside too little friction the
@@ -125,8 +125,14 @@ fn nats(data: &Dataset, found: &Fit) -> f64 {
 /// The data with the lateness that brings them closest to a model, and the model fitted to them; `None` if it never jumps,
 /// or in one place alone.
 fn moved(data: &Dataset, model: &Model, errors: &[f64], prior: &Prior) -> Option<(Dataset, Fit)> {
-    let (late_s, course) = late_s(data, &free_run(model, data), errors);
-    (course.jumps > 0 && is_throughout(&late_s)).then(|| less_late(data, (&late_s, course), model, prior))
+    let (late_s, course) = found_late(data, &free_run(model, data), errors)?;
+    Some(less_late(data, (&late_s, course), model, prior))
+}
+
+/// The lateness that brings the data closest to a prediction; `None` if it never jumps, or in one place alone.
+fn found_late(data: &Dataset, prediction: &Prediction, errors: &[f64]) -> Option<(Vec<f64>, LateCourse)> {
+    let (late_s, course) = late_s(data, prediction, errors);
+    (course.jumps > 0 && is_throughout(&late_s)).then_some((late_s, course))
 }
 
 /// Whether more rows than those of an accident are late by another time than usual.

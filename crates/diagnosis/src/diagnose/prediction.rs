@@ -6,7 +6,7 @@ use super::late_readings;
 use super::lateness;
 use crate::configuration::diagnose::prediction::CLOSENESS;
 use crate::dataset::Dataset;
-use crate::free_run::Prediction;
+use crate::free_run::{Prediction, free_run};
 use crate::identify::{Effort, Fit, Prior, fit};
 use motorbench_data::rig::Rig;
 use motorbench_model::Model;
@@ -31,15 +31,10 @@ impl Predicted {
             Some(delay_s) => beside.model = with_delay(model, delay_s),
             None => beside.settle_lateness(),
         }
-        let prediction = beside.run().prediction;
         let Beside { mut data, model, .. } = beside;
         data.held_out.fill(true);
+        let prediction = free_run(&model, &data);
         Self { data, model, prediction }
-    }
-
-    /// How late the commands act.
-    pub fn delay_s(&self) -> f64 {
-        delay_s(&self.model)
     }
 }
 
@@ -51,13 +46,9 @@ struct Beside {
 }
 
 impl Beside {
-    /// The free run of the model, judged as a fit.
-    fn run(&self) -> Fit {
-        self.run_of(&self.model, &self.data)
-    }
-
-    fn run_of(&self, model: &Model, data: &Dataset) -> Fit {
-        fit(model, data, &self.prior, Effort::NONE)
+    /// The free run of a model, judged as a fit.
+    fn run_of(&self, model: &Model) -> Fit {
+        fit(model, &self.data, &self.prior, Effort::NONE)
     }
 
     /// Readings that fall behind, or one delay of all commands.
@@ -65,17 +56,18 @@ impl Beside {
         if !self.data.axis.drive.is_voltage() {
             return;
         }
-        let before = self.run();
-        let at_once = self.run_of(&with_delay(&self.model, 0.0), &self.data);
+        let before = self.run_of(&self.model);
+        let prompt = with_delay(&self.model, 0.0);
+        let at_once = self.run_of(&prompt);
         if let Some(retimed) = late_readings::beside(&self.data, &at_once, &before, &self.prior) {
-            (self.data, self.model) = (retimed, at_once.model);
+            (self.data, self.model) = (retimed, prompt);
             return;
         }
         let late = with_delay(&self.model, self.least_delay_s(&at_once));
-        if self.shows_a_delay(&at_once.model, &late) {
+        if self.shows_a_delay(&prompt, &late) {
             self.model = late;
         } else if at_once.cost < before.cost {
-            self.model = at_once.model;
+            self.model = prompt;
         }
     }
 
@@ -89,7 +81,7 @@ impl Beside {
     fn least_delay_s(&self, at_once: &Fit) -> f64 {
         let expected = lateness::errors(&self.data, &at_once.prediction);
         let about_s = lateness::constant_s(&self.data, &at_once.prediction, &expected);
-        let costs = |delay_s: f64| (self.run_of(&with_delay(&self.model, delay_s), &self.data).cost, delay_s);
+        let costs = |delay_s: f64| (self.run_of(&with_delay(&self.model, delay_s)).cost, delay_s);
         let (mut best, mut step_s) = (costs(about_s), lateness::BLOCK_S);
         while step_s > CLOSENESS * self.data.interval_s {
             let beside = [(best.1 - step_s).max(0.0), best.1 + step_s].map(costs);

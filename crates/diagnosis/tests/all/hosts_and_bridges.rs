@@ -217,6 +217,7 @@ fn pauses_beside_a_rest_without_a_name_bend_no_constant() {
     }
     let found = diagnosed_at(FAST_PWM_HZ, &text, Some(0.0), "");
     let case = format!("seed {seed}, pauses from {begins_s:?}, offset {offset_a}");
+    assert!(names(&found).contains(&"coulomb_friction"), "{case}: {found:?}");
     let told = found.advice.iter().filter(|note| note.contains("does not follow its command")).count();
     assert_eq!(told, 2, "{case}: {:?}", found.advice);
     let friction_v = FRICTION_NM * RESISTANCE_OHM / TORQUE_CONSTANT;

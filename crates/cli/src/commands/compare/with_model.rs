@@ -6,8 +6,8 @@ use maud::{Markup, PreEscaped, html};
 use motorbench_data::recording::Channel;
 use motorbench_diagnosis::compare::distance;
 use motorbench_diagnosis::dataset::{Dataset, Measured};
-use motorbench_diagnosis::diagnose::judge;
 use motorbench_diagnosis::diagnose::prediction::{Predicted, delay_s};
+use motorbench_diagnosis::diagnose::{judge, residuals};
 use motorbench_diagnosis::free_run::position;
 use motorbench_model::Model;
 use motorbench_report::panels::Panel;
@@ -37,7 +37,7 @@ pub(super) fn with_model(arguments: &Arguments, recording: &Path, model: &Path) 
     }
     let predicted = Predicted::of(data, &model, &rig, arguments.delay);
     let is_found = arguments.delay.is_none() && predicted.data.origin.late_readings.is_none();
-    let delay_note = is_found.then(|| delay_note(predicted.delay_s(), delay_s(&model))).flatten();
+    let delay_note = is_found.then(|| delay_note(delay_s(&predicted.model), delay_s(&model))).flatten();
     let notes: Vec<String> = delay_note.into_iter().chain(predicted.data.notes()).collect();
     let quantities = quantities(&predicted);
     let axis = predicted.data.axis;
@@ -51,7 +51,7 @@ pub(super) fn with_model(arguments: &Arguments, recording: &Path, model: &Path) 
     notes.iter().for_each(|note| text += &wrapped(note, "", ""));
     finish(
         arguments,
-        &in_units_of(axis, &json!({ "delay_s": predicted.delay_s(), "channels": of_channels, "notes": notes }))?,
+        &in_units_of(axis, &json!({ "delay_s": delay_s(&predicted.model), "channels": of_channels, "notes": notes }))?,
         Said {
             verdict: &words(&format!("recording and model {}", agreement_in(&fits))),
             text: &words(&text),
@@ -105,12 +105,13 @@ impl Quantity {
 }
 
 fn quantities(Predicted { data, model, prediction }: &Predicted) -> Vec<Quantity> {
+    let left = residuals(data, prediction);
     let compared = |(output, measured): (usize, &Measured)| {
         let (title, unit) = (measured.output.title(), measured.output.unit());
-        let simulated = prediction[output].clone();
-        let left = measured.values.iter().zip(&simulated).map(|(measured, simulated)| measured - simulated).collect();
-        let both = Panel::new(title).line("measured", measured.values.clone()).line("model", simulated);
-        let apart = Panel::new(&format!("measured - model, {unit}")).difference().line("difference", left);
+        let both =
+            Panel::new(title).line("measured", measured.values.clone()).line("model", prediction[output].clone());
+        let apart =
+            Panel::new(&format!("measured - model, {unit}")).difference().line("difference", left[output].clone());
         Quantity {
             channel: measured.output.channel(),
             title,
