@@ -40,4 +40,5 @@ pub mod diagnose;
 pub mod evidence;
 pub mod free_run;
 pub mod identify;
+mod parallel;
 pub mod steady_state;

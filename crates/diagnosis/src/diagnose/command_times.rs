@@ -11,7 +11,7 @@ use crate::configuration::diagnose::command_times::{
 use crate::dataset::{Dataset, LONG_ROW};
 use crate::free_run::free_run;
 use crate::identify::{Effort, Fit, Prior, fit};
-use maybe_rayon::prelude::*;
+use crate::parallel;
 use motorbench_model::{Drive, Model, Term};
 use std::ops::Range;
 
@@ -59,12 +59,13 @@ pub(super) fn settle_smooth(data: &mut Dataset, prior: &Prior, found: &Fit) -> b
     let Some(written) = data.with_commands_as_written().filter(|_| !data.has_moments()) else { return false };
     let model = found.model.without(drift);
     let smooth = smooth(&written);
-    let ways = EARLIER.into_par_iter().map(|share| {
+    let ways = parallel::map(EARLIER, |share| {
         let other = written.with_smooth_commands_earlier(&smooth, share);
         let cost = fit(&model, &other, prior, Effort::TRIAL).cost;
         (other, cost)
     });
-    let best = ways.min_by(|a, b| a.1.total_cmp(&b.1)).filter(|(_, cost)| *cost <= AS_GOOD * found.cost);
+    let best = ways.into_iter().min_by(|a, b| a.1.total_cmp(&b.1));
+    let best = best.filter(|(_, cost)| *cost <= AS_GOOD * found.cost);
     let explains = best.is_some();
     if let Some((other, _)) = best {
         *data = other;

@@ -8,7 +8,7 @@ use crate::configuration::diagnose::current_window::{
 };
 use crate::dataset::Dataset;
 use crate::identify::{Effort, Fit, Prior, fit, scales};
-use maybe_rayon::prelude::*;
+use crate::parallel;
 use motorbench_data::rig::Readings;
 use motorbench_model::catalogue::effect;
 use motorbench_model::{Model, Term};
@@ -94,12 +94,12 @@ fn best_window(data: &Dataset, prior: &Prior, model: &Model) -> Option<(f64, Fit
     let least = |fits: Vec<(f64, Fit)>| fits.into_iter().min_by(|a, b| a.1.cost.total_cmp(&b.1.cost));
     let fitted =
         |window_s: f64, start: &Model| (window_s, fit(start, &with_window(data, window_s), prior, Effort::TRIAL));
-    let mut best = least(LOOKED_AT_S.into_par_iter().map(|window_s| fitted(window_s, model)).collect())?;
+    let mut best = least(parallel::map(LOOKED_AT_S, |window_s| fitted(window_s, model)))?;
     let longest_s = LOOKED_AT_S[LOOKED_AT_S.len() - 1];
     for factor in CLOSER {
-        let sides = [best.0 / factor, (best.0 * factor).min(longest_s)].into_par_iter();
+        let sides = [best.0 / factor, (best.0 * factor).min(longest_s)];
         let beside = |window_s: f64| fitted(window_s, &later(&best.1.model, 0.5 * (best.0 - window_s)));
-        let fits: Vec<(f64, Fit)> = sides.map(beside).collect();
+        let fits = parallel::map(sides, beside);
         best = least(fits.into_iter().chain([best]).collect())?;
     }
     Some(best)

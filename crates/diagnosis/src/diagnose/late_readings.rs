@@ -16,7 +16,7 @@ use crate::configuration::diagnose::late_readings::{
 use crate::dataset::{Dataset, LateCourse, greatest, median};
 use crate::free_run::{Prediction, free_run};
 use crate::identify::{Effort, Fit, Prior, fit};
-use maybe_rayon::prelude::*;
+use crate::parallel;
 use motorbench_model::catalogue::effect;
 use motorbench_model::linear::motor_model::TimeConstants;
 use motorbench_model::{Direction, Model};
@@ -38,13 +38,14 @@ pub(super) fn settled(data: Dataset, prior: &Prior) -> Dataset {
     }
     // What the usual model lacks is mostly the lateness. Later, as much is expected as the best model so far has lacked.
     let expected = expected_of_others(&data, &usual);
-    let begun = beginnings(&data, &usual.model, &expected, prior).into_par_iter();
-    let mut begun: Vec<_> = begun.filter_map(|from| moved(&data, &from, &expected, prior)).collect();
+    let begun = beginnings(&data, &usual.model, &expected, prior);
+    let begun = parallel::map(begun, |from| moved(&data, &from, &expected, prior));
+    let mut begun: Vec<_> = begun.into_iter().flatten().collect();
     let cost = |(retimed, found): &(Dataset, Fit)| nats(retimed, found);
     begun.sort_by(|one, other| cost(one).total_cmp(&cost(other)));
     begun.truncate(FOLLOWED);
-    let ways = begun.into_par_iter().filter_map(|way| followed(&data, way, &expected, prior));
-    let best = ways.min_by(|one, other| cost(one).total_cmp(&cost(other)));
+    let ways = parallel::map(begun, |way| followed(&data, way, &expected, prior));
+    let best = ways.into_iter().flatten().min_by(|one, other| cost(one).total_cmp(&cost(other)));
     best.filter(|(retimed, found)| explains(retimed, found, &data, &usual)).map_or(data, |(retimed, _)| retimed)
 }
 
@@ -67,7 +68,7 @@ fn expected_of_others(data: &Dataset, found: &Fit) -> Vec<f64> {
 fn beginnings(data: &Dataset, usual: &Model, expected: &[f64], prior: &Prior) -> Vec<Model> {
     let judged = |models: Vec<Model>| -> Vec<(f64, Model)> {
         let cost = |model: Model| (lateness::nats(data, &free_run(&model, data), expected), model);
-        let mut judged: Vec<_> = models.into_par_iter().map(cost).collect();
+        let mut judged = parallel::map(models, cost);
         judged.sort_by(|one, other| one.0.total_cmp(&other.0));
         judged
     };

@@ -12,7 +12,7 @@ use crate::configuration::diagnose::lateness::{
 use crate::dataset::{Dataset, LateCourse, Measured, Stretch};
 use crate::free_run::Prediction;
 use crate::identify::Prior;
-use maybe_rayon::prelude::*;
+use crate::parallel;
 use motorbench_model::Model;
 use motorbench_model::linear::motor_model::TimeConstants;
 use motorbench_model::motor::MotorParameters;
@@ -214,8 +214,7 @@ impl Blocks {
 
     /// The cheapest path with one of the rates of growth around this one.
     fn cheapest_around(&self, centre: f64, step: f64, steps: i32) -> Path {
-        let rates = (-steps..=steps).into_par_iter().map(|count| self.cheapest(centre + f64::from(count) * step));
-        let paths: Vec<Path> = rates.collect();
+        let paths = parallel::map(-steps..=steps, |count| self.cheapest(centre + f64::from(count) * step));
         paths.into_iter().min_by(|one, other| one.cost.total_cmp(&other.cost)).expect("one rate at least")
     }
 

@@ -7,9 +7,9 @@ use super::judge::{AS_GOOD, evidence_nats};
 use super::select::NEAR;
 use crate::dataset::Dataset;
 use crate::identify::{Effort, Fit, Interval, Prior, fit, scales};
-use maybe_rayon::prelude::*;
+use crate::parallel;
+use motorbench_model::Term;
 use motorbench_model::catalogue::{Scales, USUAL, effect};
-use motorbench_model::{Model, Term};
 
 /// The laws of a model compared with others.
 pub(super) struct Settled {
@@ -48,9 +48,9 @@ fn with_usual(found: &Fit, data: &Dataset, prior: &Prior) -> Vec<Fit> {
     let scales = scales(&found.model.motor, data);
     let excluded = excluded(data);
     let absent = USUAL.iter().filter(|id| !found.model.has(id) && !excluded.contains(id)).filter_map(|id| effect(id));
-    let models: Vec<Model> = absent.map(|effect| found.model.with_start(effect, &scales)).collect();
-    let fitted = models.into_par_iter().map(|model| fit(&model, data, prior, Effort::AGAIN));
-    fitted.filter(|wider| !wider.is_at_a_bound(found.model.terms.len())).collect()
+    let models = absent.map(|effect| found.model.with_start(effect, &scales));
+    let fitted = parallel::map(models, |model| fit(&model, data, prior, Effort::AGAIN));
+    fitted.into_iter().filter(|wider| !wider.is_at_a_bound(found.model.terms.len())).collect()
 }
 
 /// Fits with another law of one effect, whose constants are not at the end of what makes sense.
@@ -93,13 +93,13 @@ fn with_laws(found: &Fit, data: &Dataset, prior: &Prior, laws: impl Fn(&Term, &S
     let of_term = |(index, term): (usize, &Term)| {
         laws(term, &scales).into_iter().map(move |values| (index, values)).collect::<Vec<_>>()
     };
-    let laws: Vec<_> = found.model.terms.iter().enumerate().flat_map(of_term).collect();
-    let fitted = laws.into_par_iter().filter_map(|(index, values)| {
+    let laws = found.model.terms.iter().enumerate().flat_map(of_term);
+    let fitted = parallel::map(laws, |(index, values)| {
         let start = fit(&found.model.with_values(index, values), data, prior, Effort::NONE);
         let near = (start.cost < NEAR * found.cost).then(|| fit(&start.model, data, prior, Effort::AGAIN))?;
         let Term { effect, values } = &near.model.terms[index];
         let makes_sense = !near.reaches_a_bound(data, index) && !effect.is_a_scale(values, &scales);
         makes_sense.then_some(near)
     });
-    fitted.collect()
+    fitted.into_iter().flatten().collect()
 }

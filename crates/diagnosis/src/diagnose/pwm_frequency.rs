@@ -5,7 +5,7 @@ use super::judge::{AS_GOOD, NOT_NOISE, above_floor};
 use crate::configuration::diagnose::pwm_frequency::{LEAST_LOG_LIKELIHOOD_GAIN, NEARER, SHOWS, USUAL_HZ};
 use crate::dataset::Dataset;
 use crate::identify::{Effort, Fit, Prior, fit, scales};
-use maybe_rayon::prelude::*;
+use crate::parallel;
 use motorbench_model::catalogue::{USUAL, effect};
 use motorbench_model::{Model, Term};
 
@@ -21,8 +21,8 @@ pub(super) fn settle_at_first(data: &mut Dataset, prior: &Prior) {
 
 /// The best of [`with_usual_bridges`], fitted.
 pub(super) fn usual_bridge(data: &Dataset, prior: &Prior) -> Fit {
-    let fits = with_usual_bridges(data, prior).into_par_iter().map(|model| fit(&model, data, prior, Effort::TRIAL));
-    fits.min_by(|a, b| a.cost.total_cmp(&b.cost)).expect("one at least")
+    let fits = parallel::map(with_usual_bridges(data, prior), |model| fit(&model, data, prior, Effort::TRIAL));
+    fits.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost)).expect("one at least")
 }
 
 /// The nominal motor with the usual effects, behind a bridge whose off phase brakes, and behind one whose off phase coasts.
@@ -60,11 +60,11 @@ fn in_place_of_a_lag(data: &Dataset, prior: &Prior, found: &Fit) -> Option<Datas
     };
     let others = USUAL_HZ.into_iter().flat_map(|hz| windows_s(hz).map(move |window_s| (hz, window_s)));
     let others: Vec<Dataset> = others.map(|(hz, window_s)| with_pwm(data, hz, window_s)).collect();
-    let fits = others.into_par_iter().map(|other| {
+    let fits = parallel::map(others, |other| {
         let found = fit(&prompt, &other, prior, Effort::AGAIN);
         (other, found)
     });
-    let (other, best) = fits.min_by(|a, b| a.1.cost.total_cmp(&b.1.cost))?;
+    let (other, best) = fits.into_iter().min_by(|a, b| a.1.cost.total_cmp(&b.1.cost))?;
     (best.cost <= AS_GOOD * found.cost).then_some(other)
 }
 
@@ -82,7 +82,8 @@ fn with_pwm(data: &Dataset, hz: f64, window_s: f64) -> Dataset {
 
 /// Chooses one that lowers the cost to `least_gain` of the present one.
 fn likelier_hz(data: &Dataset, prior: &Prior, found: &Fit, least_gain: f64) -> Option<f64> {
-    let fits = USUAL_HZ.into_par_iter().filter(|hz| *hz != data.origin.pwm_hz).filter_map(|hz| {
+    let others = USUAL_HZ.into_iter().filter(|hz| *hz != data.origin.pwm_hz);
+    let fits = parallel::map(others, |hz| {
         let other = with_pwm(data, hz, data.origin.current_window_s);
         let as_it_stands = fit(&found.model, &other, prior, Effort::NONE);
         let shows = (as_it_stands.cost / found.cost - 1.0).abs() > SHOWS;
@@ -91,7 +92,7 @@ fn likelier_hz(data: &Dataset, prior: &Prior, found: &Fit, least_gain: f64) -> O
         model.motor.inductance_h *= data.origin.pwm_hz / hz;
         shows.then(|| (hz, fit(&model, &other, prior, Effort::TRIAL)))
     });
-    let fits: Vec<(f64, Fit)> = fits.collect();
+    let fits: Vec<(f64, Fit)> = fits.into_iter().flatten().collect();
     let off = |fit: &Fit| (fit.model.motor.inductance_h / prior.motor.inductance_h).ln().abs();
     let least = fits.iter().map(|(_, fit)| fit.cost).fold(found.cost, f64::min);
     if least > least_gain * found.cost {

@@ -11,7 +11,7 @@ use crate::configuration::diagnose::pwm_phase::{
 };
 use crate::dataset::{Dataset, Latch};
 use crate::identify::{Effort, Fit, Item, Prior, fit, fit_with_items};
-use maybe_rayon::prelude::*;
+use crate::parallel;
 use motorbench_model::Model;
 
 /// Sets the phase that the ripple in the current shows, and the frequency that it has. Where no ripple is read, commands
@@ -25,8 +25,8 @@ pub(super) fn settle_at_first(data: &mut Dataset, prior: &Prior) {
     let mut models = vec![Model::linear(prior.motor)];
     models.extend(with_usual_bridges(data, prior));
     let mean = || {
-        let means = (&models).into_par_iter().map(|model| fit(model, data, prior, Effort::TRIAL));
-        means.min_by(|a, b| a.cost.total_cmp(&b.cost))
+        let means = parallel::map(&models, |model| fit(model, data, prior, Effort::TRIAL));
+        means.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost))
     };
     let found = if data.reads_instants() { mean() } else { None };
     if let Some(by_ripple) = found.and_then(|mean| by_ripple(data, prior, &models, &mean)) {
@@ -105,14 +105,14 @@ fn over_a_window(data: Dataset, prior: &Prior, found: Fit) -> (Dataset, Fit) {
     if data.origin.current_window_s > 0.0 || !data.is_switched() || !data.reads_instants() {
         return (data, found);
     }
-    let averaged = FIRST_WINDOWS.into_par_iter().map(|periods| {
+    let averaged = parallel::map(FIRST_WINDOWS, |periods| {
         let other = data.clone().with_current_averaged(periods / data.origin.pwm_hz);
         let found = fit(&found.model, &other, prior, Effort::NONE);
         (other, found)
     });
     // Currents that are read at one instant agree less with any of them.
-    let first = averaged.min_by(|a, b| a.1.cost.total_cmp(&b.1.cost)).filter(|(_, first)| first.cost < found.cost);
-    let Some((other, first)) = first else { return (data, found) };
+    let first = averaged.into_iter().min_by(|a, b| a.1.cost.total_cmp(&b.1.cost));
+    let Some((other, first)) = first.filter(|(_, first)| first.cost < found.cost) else { return (data, found) };
     let (other, averaged) = polished(&other, prior, fit(&first.model, &other, prior, Effort::TRIAL));
     let shows = evidence_nats(&data, &found, &averaged) > least_nats(&data);
     if shows { (other, averaged) } else { (data, found) }
@@ -124,13 +124,12 @@ fn taken_otherwise(data: &Dataset, prior: &Prior, model: &Model) -> Option<(Data
         return None;
     }
     let others = [Latch::WithPeriod, Latch::OnAverage, Latch::AtOnce].into_iter();
-    let others: Vec<Latch> = others.filter(|latch| *latch != data.origin.latch).collect();
-    let fitted = others.into_par_iter().map(|latch| {
+    let fitted = parallel::map(others.filter(|latch| *latch != data.origin.latch), |latch| {
         let other = data.with_latch(latch);
         let found = fit(model, &other, prior, Effort::TRIAL);
         if other.origin.pwm_phase.is_some() { polished(&other, prior, found) } else { (other, found) }
     });
-    fitted.min_by(|a, b| a.1.cost.total_cmp(&b.1.cost))
+    fitted.into_iter().min_by(|a, b| a.1.cost.total_cmp(&b.1.cost))
 }
 
 /// The same if that explains as much as a lag of the current. Where commands act at once, a model whose commands wait has too
@@ -282,8 +281,8 @@ fn phases(data: &Dataset) -> usize {
 }
 
 fn likeliest(data: &Dataset, prior: &Prior, models: &[Model], near: Option<f64>) -> Option<Way> {
-    let ways = models.into_par_iter().filter_map(|model| Way::new(data, prior, model, near));
-    ways.min_by(|a, b| a.found.cost.total_cmp(&b.found.cost))
+    let ways = parallel::map(models, |model| Way::new(data, prior, model, near));
+    ways.into_iter().flatten().min_by(|a, b| a.found.cost.total_cmp(&b.found.cost))
 }
 
 /// A model that reads the mean over a period, and one that reads in its best phase.
@@ -311,15 +310,14 @@ impl Way {
         let phases = phases(data);
         let (around, width) = near.map_or((0.5, 0.5), |near| (near, RIPPLE_TELLS));
         let sought = (2.0 * width * phases as f64) as usize;
-        let first = (0..sought).into_par_iter().map(|step| around - width + step as f64 / phases as f64);
-        let first: Vec<(f64, Fit)> = first.map(|phase| in_phase(phase, &start, Effort::NONE)).collect();
+        let first = (0..sought).map(|step| around - width + step as f64 / phases as f64);
+        let first: Vec<(f64, Fit)> = parallel::map(first, |phase| in_phase(phase, &start, Effort::NONE));
         // Neighbours lead to the same one.
         let groups = first.chunks(phases / PHASES).filter_map(|group| least(group.to_vec()));
         let mut first: Vec<(f64, Fit)> = groups.collect();
         first.sort_by(|a, b| a.1.cost.total_cmp(&b.1.cost));
         first.truncate(if data.is_pwm_slow() { FITTED } else { 1 });
-        let fitted = first.into_par_iter().map(|(phase, found)| in_phase(phase, &found.model, Effort::TRIAL));
-        let mut best = least(fitted.collect())?;
+        let mut best = least(parallel::map(first, |(phase, found)| in_phase(phase, &found.model, Effort::TRIAL)))?;
         for halving in 1..=HALVINGS {
             let distance = 1.0 / phases as f64 / f64::from(1 << halving);
             let sides = [-distance, distance].map(|side| in_phase(best.0 + side, &best.1.model, Effort::NONE));

@@ -7,7 +7,7 @@ use crate::configuration::diagnose::ripple_phase::{
 };
 use crate::dataset::{Dataset, Output, Stretch};
 use crate::identify::{Effort, Fit, Prior, fit, scales};
-use maybe_rayon::prelude::*;
+use crate::parallel;
 use motorbench_model::catalogue::{Effect, Parameter, effect};
 use std::f64::consts::{PI, TAU};
 use std::ops::Range;
@@ -35,7 +35,7 @@ fn with_angle_by_ripple(data: &Dataset, found: &Fit, effect: &dyn Effect) -> Opt
     let place = effect.about().parameters.iter().position(Parameter::is_number)?;
     let starts = effect.starts(&scales(&found.model.motor, data));
     let mut ripple = Ripple::new(data, found);
-    let explained: Vec<f64> = (&starts).into_par_iter().map(|start| ripple.explained(start[place])).collect();
+    let explained: Vec<f64> = parallel::map(&starts, |start| ripple.explained(start[place]));
     let mut sorted = explained.clone();
     sorted.sort_by(|a, b| b.total_cmp(a));
     let (best, next, usual) = (*sorted.first()?, *sorted.get(1)?, sorted[sorted.len() / 2]);

@@ -15,9 +15,9 @@ pub(super) use crate::configuration::diagnose::select::{NEAR, SMALL_REST};
 use crate::dataset::Dataset;
 use crate::free_run::{Steps, drive, longest_step_s, read};
 use crate::identify::{Effort, Fit, Fits, LEAST_PROMISE, Prior, Promise, scales};
+use crate::parallel;
 pub(super) use backward::NAMED_SIGMAS;
 use forward::Lead;
-use maybe_rayon::prelude::*;
 use motorbench_model::catalogue::{ACTUATION_DELAY, CATALOGUE, Effect};
 use motorbench_model::{Model, Term};
 use std::collections::BTreeSet;
@@ -267,7 +267,7 @@ impl Chooser<'_> {
         let late = [&usual.model, &Model::linear(self.prior.motor)].map(|model| self.delayed(model));
         let late: Vec<Model> = late.into_iter().flatten().collect();
         let effort = Effort::AGAIN.useless_above(usual.cost);
-        let fits = late.into_par_iter().map(|late| self.fits.fit(&late, effort)).collect::<Vec<_>>();
+        let fits = parallel::map(late, |late| self.fits.fit(&late, effort));
         fits.into_iter().fold(usual, |best, late| if late.cost < best.cost { late } else { best })
     }
 
@@ -333,18 +333,17 @@ impl Chooser<'_> {
     }
 
     fn try_all(&self, from: &Fit, promises: &[Promise], effort: Effort) -> Vec<(&'static str, Fit)> {
-        promises
-            .into_par_iter()
-            .map(|promise| {
-                let effect = CATALOGUE[promise.effect];
-                let starts = (&promise.other_starts).into_par_iter().chain([&promise.start]);
-                let fits =
-                    starts.map(|start| self.fits.fit_near(from, &from.model.with(effect, start.clone()), effort));
-                let best = fits.min_by(|a, b| a.cost.total_cmp(&b.cost)).expect("one start at least");
-                (effect.about().id, best)
-            })
-            .filter(|(id, fitted)| fitted.model.term(id).is_some_and(Term::is_there))
-            .collect()
+        let tried = parallel::map(promises, |promise| {
+            let effect = CATALOGUE[promise.effect];
+            let starts = promise.other_starts.iter().chain([&promise.start]);
+            let fits = parallel::map(starts, |start| {
+                self.fits.fit_near(from, &from.model.with(effect, start.clone()), effort)
+            });
+            let best = fits.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost)).expect("one start at least");
+            (effect.about().id, best)
+        });
+        let is_there = |(id, fitted): &(&str, Fit)| fitted.model.term(id).is_some_and(Term::is_there);
+        tried.into_iter().filter(is_there).collect()
     }
 
     /// Fits until nothing is gained, also from starting points where an effect may converge to a better solution.
@@ -353,11 +352,10 @@ impl Chooser<'_> {
         last = self.fits.fit(&last.model, Effort::FULL);
         for index in 0..last.model.terms.len() {
             let Term { effect, values } = &last.model.terms[index];
-            let others = effect
-                .elsewhere(values, &scales(&last.model.motor, self.data))
-                .into_par_iter()
-                .map(|values| self.fits.fit(&last.model.with_values(index, values), Effort::TRIAL));
-            let best = others.min_by(|a, b| a.cost.total_cmp(&b.cost));
+            let elsewhere = effect.elsewhere(values, &scales(&last.model.motor, self.data));
+            let others =
+                parallel::map(elsewhere, |values| self.fits.fit(&last.model.with_values(index, values), Effort::TRIAL));
+            let best = others.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost));
             if let Some(better) = best.filter(|best| best.cost < last.cost) {
                 last = self.fits.fit(&better.model, Effort::FULL);
             }
@@ -374,11 +372,11 @@ impl Chooser<'_> {
             if !chosen(term) || others.is_empty() {
                 continue;
             }
-            let laws = others
-                .into_par_iter()
-                .map(|values| self.fits.fit(&found.model.with_values(index, values), Effort::NONE));
-            let near = laws.filter(|fit| fit.cost < NEAR * found.cost);
-            let mut fits: Vec<Fit> = near.map(|near| self.fits.fit(&near.model, Effort::TRIAL)).collect();
+            let fitted = parallel::map(others, |values| {
+                let start = self.fits.fit(&found.model.with_values(index, values), Effort::NONE);
+                (start.cost < NEAR * found.cost).then(|| self.fits.fit(&start.model, Effort::TRIAL))
+            });
+            let mut fits: Vec<Fit> = fitted.into_iter().flatten().collect();
             if laws::is_refined(term, &scales) {
                 // It came by very strong evidence, and goes only without it.
                 fits.retain(|other| evidence_nats(self.data, other, &found) < VERY_STRONG_NATS);

@@ -7,7 +7,7 @@ use super::select::usual_model;
 use crate::configuration::diagnose::speed_reading::{LEAST_GAIN, WINDOW_STEPS, WINDOWS};
 use crate::dataset::{Averaged, Dataset};
 use crate::identify::{Effort, Fit, Prior, fit};
-use maybe_rayon::prelude::*;
+use crate::parallel;
 use motorbench_model::catalogue::ActsOn;
 use motorbench_model::{Model, Term};
 
@@ -82,12 +82,12 @@ fn best_window(
     let shortest = data.stretches.iter().map(|stretch| stretch.rows.len()).min()?;
     let possible: Vec<usize> = spans.filter(|span| (2..shortest / 2).contains(span)).collect();
     let each = possible.into_iter().flat_map(|span| [(span, Averaged::Readings), (span, Averaged::Time)]);
-    let tried = each.collect::<Vec<_>>().into_par_iter().filter_map(|(span, averaged)| {
+    let tried = parallel::map(each, |(span, averaged)| {
         let data = data.with_speed_averaged(span, averaged)?;
         let as_found = fit(model, &data, prior, Effort::TRIAL.useless_above(limit)).cost;
         // What was found beside a lag may be far from what acts beside a window.
         let as_usual = usual_model(&data, prior, &excluded(&data)).cost;
         Some(WithWindow { data, span, cost: as_found.min(as_usual) })
     });
-    tried.min_by(|a, b| a.cost.total_cmp(&b.cost))
+    tried.into_iter().flatten().min_by(|a, b| a.cost.total_cmp(&b.cost))
 }

@@ -6,7 +6,7 @@ pub use crate::configuration::identify::promises::LEAST_PROMISE;
 use crate::configuration::identify::promises::{MOST_NEIGHBOURS, REFINED, REFINEMENTS, SCREENED, WORTH_A_WALK};
 use crate::dataset::Dataset;
 use crate::free_run::{Replay, Steps};
-use maybe_rayon::prelude::*;
+use crate::parallel;
 use motorbench_model::catalogue::{Alone, CATALOGUE, Effect, Scales};
 use nalgebra::{DMatrix, DVector};
 
@@ -60,8 +60,7 @@ impl Fit {
                 starts.into_iter().map(move |start| (index, start))
             })
             .collect();
-        let mut all: Vec<Promise> =
-            candidates.into_par_iter().map(|(effect, start)| self.promise(&base, effect, start)).collect();
+        let mut all: Vec<Promise> = parallel::map(candidates, |(effect, start)| self.promise(&base, effect, start));
         all.sort_by(|a, b| b.gain.total_cmp(&a.gain));
         let mut best: Vec<Promise> = Vec::new();
         for promise in all {
@@ -76,8 +75,7 @@ impl Fit {
         }
         best.truncate(REFINED);
         let least = LEAST_PROMISE.max(WORTH_A_WALK * best.first().map_or(0.0, |promise| promise.gain));
-        let mut best: Vec<Promise> =
-            best.into_par_iter().map(|promise| self.refined(&base, scales, promise, least)).collect();
+        let mut best: Vec<Promise> = parallel::map(best, |promise| self.refined(&base, scales, promise, least));
         best.sort_by(|a, b| b.gain.total_cmp(&a.gain));
         best
     }
@@ -87,12 +85,11 @@ impl Fit {
         if !effect.about().responds_linearly || starts.len() <= SCREENED {
             return starts;
         }
-        let promised = starts.into_par_iter().map(|start| {
+        let mut promised: Vec<(f64, Vec<f64>)> = parallel::map(starts, |start| {
             let change = |values: Vec<f64>| base.change_by_linear_response(&self.model, effect, &values);
             let (gain, _) = self.least_squares(base.replay.data, &lines(effect, &start, change));
             (gain, start)
         });
-        let mut promised: Vec<(f64, Vec<f64>)> = promised.collect();
         promised.sort_by(|a, b| b.0.total_cmp(&a.0));
         promised.into_iter().take(SCREENED).map(|(_, start)| start).collect()
     }
@@ -125,9 +122,9 @@ impl Fit {
     /// Moves to a neighbour while it promises more.
     fn uphill(&self, base: &Base, mut promise: Promise) -> Promise {
         for _ in 0..MOST_NEIGHBOURS {
-            let neighbours = CATALOGUE[promise.effect].neighbours(&promise.start).into_par_iter();
-            let others = neighbours.map(|start| self.promise(base, promise.effect, start));
-            match others.max_by(|a, b| a.gain.total_cmp(&b.gain)) {
+            let neighbours = CATALOGUE[promise.effect].neighbours(&promise.start);
+            let others = parallel::map(neighbours, |start| self.promise(base, promise.effect, start));
+            match others.into_iter().max_by(|a, b| a.gain.total_cmp(&b.gain)) {
                 Some(better) if better.gain > promise.gain => promise.improve(better),
                 _ => break,
             }

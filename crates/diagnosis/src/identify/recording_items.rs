@@ -5,7 +5,7 @@ use super::sensitivities::Sensitivities;
 use super::{Effort, Fit, Prior, dot, fit};
 use crate::configuration::identify::recording_items::{DIFFERENCE, LEAST_GAIN, LONGEST, STEPS, TRIES};
 use crate::dataset::Dataset;
-use maybe_rayon::prelude::*;
+use crate::parallel;
 use motorbench_model::Model;
 use nalgebra::{DMatrix, DVector};
 
@@ -67,7 +67,7 @@ fn normal_equations(data: &Dataset, prior: &Prior, found: &Fit, items: &[Item]) 
         there.iter_mut().zip(&back).for_each(|(there, back)| *there = (*there - back) / (2.0 * DIFFERENCE));
         there
     };
-    let columns: Vec<Vec<f64>> = items.into_par_iter().map(of_item).collect();
+    let columns: Vec<Vec<f64>> = parallel::map(items, of_item);
     let (sensitivities, _) = found.sensitivities(data);
     let Sensitivities { columns: of_model, normal } = sensitivities;
     let (known, size) = (of_model.len(), of_model.len() + columns.len());

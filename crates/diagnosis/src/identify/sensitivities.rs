@@ -4,7 +4,7 @@ use super::unknown_scale::UnknownScale;
 use super::{Fit, Unknown, dot, weighted_residual};
 use crate::configuration::identify::sensitivities::{DIFFERENCE, DIFFERENCE_OVER_EVENTS};
 use crate::free_run::{Motion, Prediction, Replay, Steps, nudged, read};
-use maybe_rayon::prelude::*;
+use crate::parallel;
 use motorbench_model::catalogue::{Balance, Effect};
 use motorbench_model::{Model, Term};
 use nalgebra::{DMatrix, DVector};
@@ -146,10 +146,8 @@ impl Sensitivities {
     ) -> Self {
         let differences = OnceLock::new();
         let differences = || differences.get_or_init(|| Differences::new(model, replay, steps, fine));
-        let mut columns: Vec<Vec<f64>> = unknowns
-            .into_par_iter()
-            .map(|unknown| known(unknown).unwrap_or_else(|| differences().of(unknown)))
-            .collect();
+        let mut columns: Vec<Vec<f64>> =
+            parallel::map(unknowns, |unknown| known(unknown).unwrap_or_else(|| differences().of(unknown)));
         if let Some(scale) = UnknownScale::of(model, replay.data) {
             scale.take_out(&mut columns, unknowns, model);
         }

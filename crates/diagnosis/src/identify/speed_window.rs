@@ -3,6 +3,7 @@
 use super::{Effort, Prior, fit, scales};
 use crate::configuration::identify::speed_window::LEAST_SHARE;
 use crate::dataset::Dataset;
+use crate::parallel;
 use motorbench_data::rig::NominalMotor;
 use motorbench_model::Model;
 use motorbench_model::catalogue::{USUAL, effect};
@@ -10,8 +11,8 @@ use motorbench_model::catalogue::{USUAL, effect};
 /// The data with that settled by the better fit, where neither the columns nor the rig file say it.
 pub fn with_window_settled(data: Dataset, nominal: &NominalMotor) -> Dataset {
     let Some(centred) = data.with_window_centred() else { return data };
-    let (ended, middle) = maybe_rayon::join(|| cost(&data, nominal), || cost(&centred, nominal));
-    if middle < LEAST_SHARE * ended { centred } else { data }
+    let costs = parallel::map([&data, &centred], |data| cost(data, nominal));
+    if costs[1] < LEAST_SHARE * costs[0] { centred } else { data }
 }
 
 /// Of a motor with what hardly any bench is without, and not with what comes late as well: a diagnosis that may name that

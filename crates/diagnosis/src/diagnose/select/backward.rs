@@ -13,7 +13,7 @@ use crate::dataset::{Dataset, Measured};
 use crate::diagnose::data_sheet::squared_deviations;
 use crate::diagnose::judge::{NOT_NOISE, VERY_STRONG_NATS, evidence_nats};
 use crate::identify::{Effort, Fit, fit, scales};
-use maybe_rayon::prelude::*;
+use crate::parallel;
 use motorbench_model::catalogue::{Alone, CATALOGUE, DryLosses, Effect, INDUCTANCE, Parameter, USUAL, effect};
 use motorbench_model::motor::MotorParameters;
 use motorbench_model::{Model, Term};
@@ -56,7 +56,7 @@ impl Chooser<'_> {
                 (self.progress)(&format!("rivals of {}", check.id));
                 self.rivals(&current, &check.without, check.id)
             };
-            let rivals: Vec<_> = (&checks).into_par_iter().map(rivals_of).collect();
+            let rivals: Vec<_> = parallel::map(&checks, rivals_of);
             let mut better = checks
                 .iter()
                 .zip(&rivals)
@@ -78,8 +78,8 @@ impl Chooser<'_> {
             // After other effects have come and gone, the usual law may suffice.
             current = self.or_other_laws(current, Term::has_another_law);
             (self.progress)(&format!("checking {} effects", current.model.terms.len()));
-            let ids: Vec<_> = current.model.terms.iter().map(|term| term.id()).collect();
-            let mut checks: Vec<Check> = ids.into_par_iter().map(|id| self.check(&current, id)).collect();
+            let ids = current.model.terms.iter().map(Term::id);
+            let mut checks: Vec<Check> = parallel::map(ids, |id| self.check(&current, id));
             let weakest = (0..checks.len())
                 .filter(|index| !checks[*index].is_named)
                 .min_by(|a, b| checks[*a].own.sigmas.total_cmp(&checks[*b].own.sigmas));
@@ -233,8 +233,8 @@ impl Chooser<'_> {
             let other = without.model.with(term.effect, values);
             self.fits.fit_near(without, &other, Effort::CHECK.useless_above(as_well)).cost < as_well
         };
-        let as_good = (&looked_at).into_par_iter().filter(|other| does_as_well(other)).count();
-        2 * as_good <= looked_at.len()
+        let do_as_well = parallel::map(&looked_at, does_as_well);
+        2 * do_as_well.iter().filter(|does| **does).count() <= looked_at.len()
     }
 
     /// Whether no similar law outside the catalogue does better, or as well in place of several effects.
@@ -275,10 +275,10 @@ impl Chooser<'_> {
 
     /// Whether a rival makes another effect needless: one delay of the command looks like a lag of each sensor.
     fn replaces_two(&self, rival: &Fit, rival_id: &str) -> bool {
-        let others = rival.model.terms.iter().map(Term::id).filter(|id| *id != rival_id && !USUAL.contains(id));
+        let mut others = rival.model.terms.iter().map(Term::id).filter(|id| *id != rival_id && !USUAL.contains(id));
         // One that is farther away is needed.
         let effort = Effort::CHECK.useless_above(NEAR * rival.cost);
-        others.collect::<Vec<_>>().into_par_iter().any(|id| {
+        others.any(|id| {
             let without = self.fits.fit(&rival.model.without(id), effort);
             is_same(&self.gain(&without, rival)) && evidence_nats(self.data, &without, rival) < VERY_STRONG_NATS
         })
@@ -314,7 +314,8 @@ impl Chooser<'_> {
         let makes_sense = |(_, found): &(&str, Fit)| {
             found.model.terms.iter().all(|term| found.model.alone(term.effect) != Some(Alone::Never))
         };
-        rivals.into_par_iter().map(at_its_best).filter(is_there).filter(makes_sense).collect()
+        let rivals = parallel::map(rivals, at_its_best).into_iter();
+        rivals.filter(is_there).filter(makes_sense).collect()
     }
 
     /// Fits from where another effect looks most like `id`: beside the motor that was found with `id`, and beside the
@@ -340,7 +341,7 @@ impl Chooser<'_> {
             best.map(|best| (effect.about().id, best))
         };
         let absent = self.possible().filter(|effect| !model.has(effect.about().id));
-        absent.collect::<Vec<_>>().into_par_iter().filter_map(looks_alike).collect()
+        parallel::map(absent, looks_alike).into_iter().flatten().collect()
     }
 
     fn standing(&self, id: &'static str, own: Gain, current: &Fit, rivals: &[(&'static str, Fit)]) -> Standing {

@@ -8,7 +8,7 @@ use crate::configuration::diagnose::select_forward::{
 };
 use crate::diagnose::judge::{NOT_NOISE, above_floor, above_noise, evidence_nats};
 use crate::identify::{Effort, Fit, scales};
-use maybe_rayon::prelude::*;
+use crate::parallel;
 use motorbench_model::catalogue::{ActsOn, Alone, CATALOGUE, Effect, Scales, USUAL};
 use motorbench_model::unit::Quantity;
 use motorbench_model::{Model, Term};
@@ -96,7 +96,7 @@ impl Chooser<'_> {
         });
         let models: Vec<Model> = starts.map(|(effect, start)| current.model.with(effect, start)).collect();
         let effort = Effort::TRIAL.useless_above(current.cost);
-        models.into_par_iter().map(|model| self.fits.fit_near(current, &model, effort)).collect()
+        parallel::map(models, |model| self.fits.fit_near(current, &model, effort))
     }
 
     fn first_with_evidence(&self, current: &Fit, fits: &[Fit]) -> Option<(usize, Gain)> {
@@ -135,7 +135,7 @@ impl Chooser<'_> {
             models.extend(bare.map(|model| self.with_usual(model, &scales)));
         }
         models.extend(delayed);
-        models.into_par_iter().map(|model| self.fits.fit(&model, effort)).collect()
+        parallel::map(models, |model| self.fits.fit(&model, effort))
     }
 
     /// Another start, if the way from the linear fit failed or gave an implausible motor. From the nominal motor, each
@@ -163,9 +163,8 @@ impl Chooser<'_> {
             |fits: Vec<Fit>| fits.into_iter().min_by(|a, b| key(a).partial_cmp(&key(b)).expect("costs are finite"));
         // From so far away a trial fit does not converge, and with many effects at once it does not come near.
         let whole = changed.into_iter().map(usual);
-        let last: Vec<Model> = [best(fits)?.model].into_iter().chain(whole).collect();
-        let last = last.into_par_iter().map(|model| self.fits.fit(&model, Effort::AGAIN)).collect();
-        let best = best(last)?;
+        let last = [best(fits)?.model].into_iter().chain(whole);
+        let best = best(parallel::map(last, |model| self.fits.fit(&model, Effort::AGAIN)))?;
         let step = Step::new(base, &best, self.gain(base, &best));
         Some((best, step))
     }
@@ -179,8 +178,7 @@ impl Chooser<'_> {
         for batch in starts.chunks(AT_A_TIME) {
             let before = least(&fits);
             let effort = Effort::TRIAL.useless_above(before);
-            let fitted = batch.into_par_iter().map(|(_, model)| self.fits.fit(model, effort));
-            fits.extend(fitted.collect::<Vec<_>>());
+            fits.extend(parallel::map(batch, |(_, model)| self.fits.fit(model, effort)));
             if least(&fits) >= before {
                 break;
             }
@@ -204,8 +202,8 @@ impl Chooser<'_> {
         let besides: Vec<Model> = of_the_bridge
             .flat_map(|effect| changed.iter().map(move |model| model.with_start(effect, &scales)))
             .collect();
-        let models = changed.into_iter().chain(besides).collect::<Vec<_>>().into_par_iter();
-        let ranked = models.map(|model| self.fits.fit(&model, Effort::FULL)).map(|fit| (self.rank(&fit), fit));
+        let fits = parallel::map(changed.into_iter().chain(besides), |model| self.fits.fit(&model, Effort::FULL));
+        let ranked = fits.into_iter().map(|fit| (self.rank(&fit), fit));
         let best = ranked.min_by(|a, b| a.0.partial_cmp(&b.0).expect("costs are finite"));
         best.map(|(_, fit)| fit)
     }
