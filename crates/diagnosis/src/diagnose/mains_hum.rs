@@ -9,7 +9,8 @@ use crate::dataset::{Dataset, Hum, Output};
 use crate::identify::{Effort, Fit, Prior, fit};
 use motorbench_model::Model;
 use nalgebra::Complex;
-use rustfft::FftPlanner;
+use rustfft::algorithm::Radix4;
+use rustfft::{Fft, FftDirection};
 use std::f64::consts::{SQRT_2, TAU};
 
 /// The same with what a linear motor leaves.
@@ -131,7 +132,7 @@ impl Parts {
     fn spectrum(&self) -> Vec<Complex<f64>> {
         let mut sums: Vec<Complex<f64>> = self.sums.iter().map(|(sum, _)| *sum).collect();
         sums.resize((FINER * sums.len()).next_power_of_two(), Complex::default());
-        FftPlanner::new().plan_fft_forward(sums.len()).process(&mut sums);
+        Radix4::new(sums.len(), FftDirection::Forward).process(&mut sums);
         sums
     }
 

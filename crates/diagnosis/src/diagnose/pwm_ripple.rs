@@ -9,7 +9,8 @@ use crate::dataset::{Dataset, Output, Pulse, Stretch};
 use crate::identify::Fit;
 use motorbench_model::motor::MotorParameters;
 use nalgebra::Complex;
-use rustfft::FftPlanner;
+use rustfft::algorithm::Radix4;
+use rustfft::{Fft, FftDirection};
 use std::f64::consts::{PI, TAU};
 use std::ops::Range;
 
@@ -139,7 +140,7 @@ impl Spectrum {
         let length = (FINER as usize * self.parts.len()).next_power_of_two();
         let mut sums = self.parts.clone();
         sums.resize(length, Complex::default());
-        FftPlanner::new().plan_fft_forward(length).process(&mut sums);
+        Radix4::new(length, FftDirection::Forward).process(&mut sums);
         let side = length / FINER as usize;
         // Lower frequencies are at the end.
         let around = (length - side..length).chain(0..=side);

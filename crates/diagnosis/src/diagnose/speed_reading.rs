@@ -48,8 +48,9 @@ pub(super) fn settle_average(data: &mut Dataset, prior: &Prior, found: &Fit) -> 
         let around = found.span.saturating_sub(step)..=found.span + step;
         best_window(data, prior, &model, limit, around.step_by(step.div_ceil(WINDOW_STEPS / 2)))
     });
-    let Some(best) = best.filter(|best| best.cost <= limit) else { return false };
-    *data = best.data;
+    let best = best.filter(|best| best.cost <= limit);
+    let Some(other) = best.and_then(|best| data.with_speed_averaged(best.span, best.averaged)) else { return false };
+    *data = other;
     true
 }
 
@@ -64,10 +65,10 @@ pub(super) fn settle_stated_window(data: &mut Dataset, prior: &Prior) {
     }
 }
 
-/// Data whose speed is taken as a mean, and what a model costs there.
+/// A window over which the speed is taken as a mean, and what a model costs there.
 struct WithWindow {
-    data: Dataset,
     span: usize,
+    averaged: Averaged,
     cost: f64,
 }
 
@@ -87,7 +88,7 @@ fn best_window(
         let as_found = fit(model, &data, prior, Effort::TRIAL.useless_above(limit)).cost;
         // What was found beside a lag may be far from what acts beside a window.
         let as_usual = usual_model(&data, prior, &excluded(&data)).cost;
-        Some(WithWindow { data, span, cost: as_found.min(as_usual) })
+        Some(WithWindow { span, averaged, cost: as_found.min(as_usual) })
     });
     tried.into_iter().flatten().min_by(|a, b| a.cost.total_cmp(&b.cost))
 }
