@@ -40,6 +40,9 @@ pub(crate) mod causes {
     pub const BEYOND_TOLERANCE_SIGMAS: f64 = 3.0;
     /// ... and each standard error (of a logarithm) counts at least as this: the tolerance itself is not sharp.
     pub const LEAST_SPREAD: f64 = 0.02;
+    /// The smallest usual bridge of transistors, an L293D: 1.9 V with hardly any current, and up to 3.6 V at 0.6 A (data sheet
+    /// SLRS008, 6.5).
+    pub const LEAST_RATING_A: f64 = 0.6;
     /// An inductance is visible if its electrical time constant is at least this share of the time between rows.
     pub const LEAST_ROWS: f64 = 0.3;
 }
@@ -290,6 +293,8 @@ pub(crate) mod pwm_phase {
     pub const RIPPLES: usize = 3;
     /// A phase shows in any part of a recording in which the command changes; this much suffices.
     pub const EXCERPT_S: f64 = 3.0;
+    /// So many periods of the PWM shorter and longer: beyond a kink in the cost, and near enough for the same phase.
+    pub const BESIDE: f64 = 0.02;
 }
 
 /// [`crate::diagnose::pwm_ripple`].

@@ -3,7 +3,7 @@
 use super::outcome::{Cause, Estimate, Parameter, RmseGain, RunnerUp, confidence};
 use super::select::Standing;
 use super::{Corrections, DATA_SHEET_TOLERANCE, Found};
-use crate::configuration::diagnose::causes::{BEYOND_TOLERANCE_SIGMAS, LEAST_ROWS, LEAST_SPREAD};
+use crate::configuration::diagnose::causes::{BEYOND_TOLERANCE_SIGMAS, LEAST_RATING_A, LEAST_ROWS, LEAST_SPREAD};
 use crate::dataset::{Dataset, greatest};
 use crate::identify::{Fit, Interval, Place, Z95};
 use motorbench_data::rig::NominalMotor;
@@ -16,10 +16,11 @@ use std::collections::BTreeMap;
 /// The constant that bridge and winding share.
 pub(super) const RESISTANCE_OHM: &str = "resistance_ohm";
 
-/// The part of the resistance that may belong to the bridge: over all of the current, a drop grows at most by itself.
+/// The part of the resistance that may belong to the bridge. Up to its rated current a drop grows at most by itself, and
+/// then on as fast. A small bridge at a large motor is beyond its rating.
 pub(super) fn bridge_ohm(data: &Dataset, model: &Model) -> f64 {
-    let greatest_a = data.current().map_or(f64::INFINITY, |current| greatest(&current.values));
-    model.dry_losses().bridge_drop_v / greatest_a.max(f64::MIN_POSITIVE)
+    let Some(current) = data.current() else { return 0.0 };
+    model.dry_losses().bridge_drop_v / greatest(&current.values).clamp(f64::MIN_POSITIVE, LEAST_RATING_A)
 }
 
 pub(super) fn cause(
@@ -101,9 +102,7 @@ pub(super) fn wrong_values(parameters: &BTreeMap<&'static str, Parameter>, bridg
         let parameter = parameters.get(name)?;
         let nominal = parameter.nominal?;
         let of_bridge = if name == RESISTANCE_OHM { (parameter.value - nominal).clamp(0.0, bridge_ohm) } else { 0.0 };
-        let off = ((parameter.value - of_bridge) / nominal).ln().abs();
-        let spread = (parameter.ci95[1] / parameter.ci95[0].max(f64::MIN_POSITIVE)).ln() / (2.0 * Z95);
-        Some((off - DATA_SHEET_TOLERANCE) / spread.max(LEAST_SPREAD))
+        Some(sigmas_beyond_tolerance(parameter.value - of_bridge, (parameter.value, parameter.ci95), nominal))
     };
     let names = [
         (RESISTANCE_OHM, "resistance"),
@@ -120,6 +119,19 @@ pub(super) fn wrong_values(parameters: &BTreeMap<&'static str, Parameter>, bridg
             (sigmas > BEYOND_TOLERANCE_SIGMAS).then(|| value_cause(id, name, estimate, sigmas))
         })
         .collect()
+}
+
+/// Standard errors between a value and the end of a data sheet's tolerance: of the value or of its logarithm, whichever are
+/// fewer. A time that is not known adds to the value as much however small the constant is. The interval is that of `found`,
+/// which has as well what the bridge may have of the resistance.
+fn sigmas_beyond_tolerance(value: f64, (found, [low, high]): (f64, [f64; 2]), nominal: f64) -> f64 {
+    let off = (value / nominal).ln();
+    let spread = (high / low.max(f64::MIN_POSITIVE)).ln() / (2.0 * Z95);
+    let by_logarithm = (off.abs() - DATA_SHEET_TOLERANCE) / spread.max(LEAST_SPREAD);
+    let end = nominal * DATA_SHEET_TOLERANCE.copysign(off).exp();
+    let towards_end = if off > 0.0 { found - low } else { high - found } / Z95;
+    let by_value = (value - end).copysign(off.abs() - DATA_SHEET_TOLERANCE) / towards_end.max(f64::MIN_POSITIVE);
+    by_logarithm.min(by_value)
 }
 
 pub(super) fn value_cause(id: &str, constant: &str, estimate: Estimate, sigmas: f64) -> Cause {
@@ -187,6 +199,21 @@ mod tests {
     use motorbench_data::rig::Rig;
     use motorbench_model::catalogue::effect;
     use std::fmt::Write as _;
+
+    /// Some of a winding's time may be a command that acts late: an absolute error, and not a share of the value.
+    #[test]
+    fn a_value_is_as_far_beyond_the_tolerance_as_its_interval_says() {
+        let sigmas = |value: f64, half_width: f64| {
+            let ci95 = [value - half_width, value + half_width];
+            sigmas_beyond_tolerance(value, (value, ci95), 1.0)
+        };
+        for (value, half_width, is_wrong) in
+            [(5.0, 2.7, false), (5.0, 1.0, true), (0.2, 0.02, true), (0.2, 0.19, false), (1.2, 0.01, false)]
+        {
+            assert_eq!(sigmas(value, half_width) > BEYOND_TOLERANCE_SIGMAS, is_wrong, "{value} {half_width}");
+        }
+        assert!(sigmas(5.0, 0.1) > sigmas(2.0, 0.1) && sigmas(1.2, 0.01) < 0.0);
+    }
 
     #[test]
     fn lateness_below_a_period_or_a_row_is_no_cause() {

@@ -306,7 +306,8 @@ impl Outcome {
         let parameters = parameters(found, &prior.nominal, &corrections);
         causes.extend(scale.map(|scale| scale.cause(data, hidden_drop.is_some())));
         let unexplained = unexplained(data, selection, fullest);
-        let mut wrong = wrong_values(&parameters, bridge_ohm(data, model));
+        let bridge_ohm = bridge_ohm(data, model);
+        let mut wrong = wrong_values(&parameters, bridge_ohm);
         wrong.retain(|cause| !is_between_rows(&cause.effect, data, &model.motor));
         // An unexplained effect biases the constants as well.
         let is_a_cause = |cause: &Cause| unexplained.is_none() && !is_of_the_reading(&cause.effect, data, model);
@@ -337,6 +338,7 @@ impl Outcome {
         let contradictions = contradicted.iter().filter_map(|cause| outcome.contradiction(cause, &model.motor));
         let contradictions: Vec<String> = contradictions.collect();
         outcome.advice.extend(contradictions);
+        outcome.advice.extend(outcome.of_circuit(bridge_ohm));
         outcome.advice.extend(outcome.small_rest());
         outcome.advice.extend(waits.then(|| WAITS_FOR_THE_PWM.to_owned()));
         outcome.advice.extend(drifts.then(|| DRIFTS_WITHIN_A_ROW.to_owned()));
@@ -509,10 +511,14 @@ mod tests {
     /// A bridge of transistors adds its slope to the winding's resistance.
     #[test]
     fn a_resistance_that_the_bridge_may_explain_is_not_wrong() {
+        let mut outcome = with_torque_constant(1.0);
         let found = Parameter { nominal: Some(8.0), value: 12.0, ci95: [11.9, 12.1], scale: ScaleOrigin::Measured };
-        let parameters = BTreeMap::from([(RESISTANCE_OHM, found)]);
-        let causes = |bridge_ohm: f64| wrong_values(&parameters, bridge_ohm).len();
-        assert_eq!((causes(0.0), causes(1.0), causes(3.0)), (1, 1, 0));
+        outcome.parameters.insert(RESISTANCE_OHM, found);
+        for (bridge_ohm, wrong) in [(0.0, 1), (1.0, 1), (3.0, 0)] {
+            assert_eq!(wrong_values(&outcome.parameters, bridge_ohm).len(), wrong, "{bridge_ohm}");
+            let told = outcome.of_circuit(bridge_ohm);
+            assert_eq!(told.is_some_and(|told| told.contains("by up to 3.00 ohm")), wrong == 0, "{bridge_ohm}");
+        }
     }
 
     #[test]

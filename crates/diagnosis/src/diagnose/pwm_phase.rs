@@ -7,7 +7,7 @@ use super::pwm_frequency::{with_usual_bridges, without_lag_of_current};
 use super::pwm_ripple::ripples;
 use super::select::NEAR;
 use crate::configuration::diagnose::pwm_phase::{
-    EXCERPT_S, FIRST_FILTER, FIRST_WINDOWS, FITTED, HALVINGS, PHASES, PHASES_OF_SLOW, RIPPLE_TELLS, RIPPLES,
+    BESIDE, EXCERPT_S, FIRST_FILTER, FIRST_WINDOWS, FITTED, HALVINGS, PHASES, PHASES_OF_SLOW, RIPPLE_TELLS, RIPPLES,
 };
 use crate::dataset::{Dataset, Latch};
 use crate::identify::{Effort, Fit, Item, Prior, fit, fit_with_items};
@@ -153,6 +153,21 @@ fn polished(data: &Dataset, prior: &Prior, found: Fit) -> (Dataset, Fit) {
     fit_with_items(data, prior, found, &items)
 }
 
+/// The same, begun with a shorter and a longer low-pass as well. Where a reading comes to lie on an edge of the PWM, the cost
+/// has a kink, and no step leads out of it.
+fn polished_from_both_sides(data: &Dataset, prior: &Prior, found: Fit) -> (Dataset, Fit) {
+    let (data, found) = polished(data, prior, found);
+    if data.origin.current_filter_s == 0.0 {
+        return (data, found);
+    }
+    let sides = parallel::map([-BESIDE, BESIDE], |periods| {
+        let beside = data.clone().with_current_filtered(periods / data.origin.pwm_hz);
+        let near = fit(&found.model, &beside, prior, Effort::TRIAL);
+        polished(&beside, prior, near)
+    });
+    sides.into_iter().fold((data, found), |best, side| if side.1.cost < best.1.cost { side } else { best })
+}
+
 /// The data of a slow PWM in the phase that the commands show with very strong evidence.
 fn by_commands(data: &Dataset, prior: &Prior, models: &[Model]) -> Option<Dataset> {
     let ways = ways_to_read(data).into_iter().filter_map(|read| {
@@ -193,7 +208,7 @@ pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {
         if !data.is_one_recording() {
             return false;
         }
-        let (other, better) = polished(data, prior, found.clone());
+        let (other, better) = polished_from_both_sides(data, prior, found.clone());
         let (other, better) = in_any_phase(other, prior, better);
         let (other, better) = over_a_window(other, prior, better);
         let (other, better) = as_read(other, prior, better);
