@@ -293,7 +293,7 @@ pub(crate) mod pwm_phase {
     pub const RIPPLES: usize = 3;
     /// A phase shows in any part of a recording in which the command changes; this much suffices.
     pub const EXCERPT_S: f64 = 3.0;
-    /// So many periods of the PWM shorter and longer: beyond a kink in the cost, and near enough for the same phase.
+    /// So many periods of the PWM shorter and longer: beyond a kink of the cost, and near enough for the same phase.
     pub const BESIDE: f64 = 0.02;
 }
 

@@ -153,8 +153,8 @@ fn polished(data: &Dataset, prior: &Prior, found: Fit) -> (Dataset, Fit) {
     fit_with_items(data, prior, found, &items)
 }
 
-/// The same, begun with a shorter and a longer low-pass as well. Where a reading comes to lie on an edge of the PWM, the cost
-/// has a kink, and no step leads out of it.
+/// The same, begun with a shorter and a longer low-pass as well. Where a reading comes to lie on an edge of the PWM, or a
+/// command waits for another period, the cost has a kink or a jump, and no step leads across.
 fn polished_from_both_sides(data: &Dataset, prior: &Prior, found: Fit) -> (Dataset, Fit) {
     let (data, found) = polished(data, prior, found);
     if data.origin.current_filter_s == 0.0 {
