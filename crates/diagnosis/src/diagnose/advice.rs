@@ -1,6 +1,6 @@
 //! What a person should do, and notes on what a result rests on.
 
-use super::causes::{RESISTANCE_OHM, wrong_values};
+use super::causes::{RESISTANCE_OHM, is_wrong};
 use super::outcome::{Cause, Outcome, Parameter, Quality};
 use super::select::Standing;
 pub(super) use crate::configuration::diagnose::advice::OTHER_UNIT;
@@ -65,15 +65,12 @@ impl Outcome {
 
     /// Note on a resistance that is too large for the winding alone, if `bridge_ohm` of it may be the bridge's.
     pub(super) fn of_circuit(&self, bridge_ohm: f64) -> Option<String> {
-        let Parameter { nominal, value, .. } = self.parameters.get(RESISTANCE_OHM)?;
-        let is_wrong = |bridge_ohm: f64| {
-            wrong_values(&self.parameters, bridge_ohm).iter().any(|cause| cause.parameters.contains_key(RESISTANCE_OHM))
-        };
-        (is_wrong(0.0) && !is_wrong(bridge_ohm)).then(|| {
+        let found = self.parameters.get(RESISTANCE_OHM)?;
+        (is_wrong(found, 0.0) && !is_wrong(found, bridge_ohm)).then(|| {
             format!(
-                "{RESISTANCE_OHM} = {} is that of the circuit. The winding may well have the {} of the rig file: what a bridge of transistors drops grows with the current, here by up to {} ohm. An ohmmeter at the winding tells them apart.",
-                short(*value),
-                short(nominal.unwrap_or(*value)),
+                "{RESISTANCE_OHM} = {} is that of the circuit. The winding may well have the {} of the rig file. What a bridge of transistors drops grows with the current, here by up to {} ohm. An ohmmeter at the winding tells them apart.",
+                short(found.value),
+                short(found.nominal.unwrap_or(found.value)),
                 short(bridge_ohm)
             )
         })

@@ -97,13 +97,6 @@ pub(super) fn parameters(
 /// Nominal values that are off by more than a data sheet's tolerance. The resistance found is that of the circuit:
 /// `bridge_ohm` of it may be the bridge's.
 pub(super) fn wrong_values(parameters: &BTreeMap<&'static str, Parameter>, bridge_ohm: f64) -> Vec<Cause> {
-    // Number of standard errors beyond the tolerance.
-    let sigmas_beyond = |name: &str| {
-        let parameter = parameters.get(name)?;
-        let nominal = parameter.nominal?;
-        let of_bridge = if name == RESISTANCE_OHM { (parameter.value - nominal).clamp(0.0, bridge_ohm) } else { 0.0 };
-        Some(sigmas_beyond_tolerance(parameter.value - of_bridge, (parameter.value, parameter.ci95), nominal))
-    };
     let names = [
         (RESISTANCE_OHM, "resistance"),
         ("inductance_H", "inductance"),
@@ -113,25 +106,32 @@ pub(super) fn wrong_values(parameters: &BTreeMap<&'static str, Parameter>, bridg
     names
         .into_iter()
         .filter_map(|(name, id)| {
-            let sigmas = sigmas_beyond(name)?;
-            let found = parameters[name];
+            let found = parameters.get(name)?;
+            let sigmas = sigmas_beyond_tolerance(found, if name == RESISTANCE_OHM { bridge_ohm } else { 0.0 })?;
             let estimate = Estimate { value: found.value, ci95: Some(found.ci95) };
             (sigmas > BEYOND_TOLERANCE_SIGMAS).then(|| value_cause(id, name, estimate, sigmas))
         })
         .collect()
 }
 
-/// Standard errors between a value and the end of a data sheet's tolerance: of the value or of its logarithm, whichever are
-/// fewer. A time that is not known adds to the value as much however small the constant is. The interval is that of `found`,
-/// which has as well what the bridge may have of the resistance.
-fn sigmas_beyond_tolerance(value: f64, (found, [low, high]): (f64, [f64; 2]), nominal: f64) -> f64 {
-    let off = (value / nominal).ln();
+/// Whether a value is clearly beyond a data sheet's tolerance, even if `bridge_ohm` of it may be the bridge's.
+pub(super) fn is_wrong(found: &Parameter, bridge_ohm: f64) -> bool {
+    sigmas_beyond_tolerance(found, bridge_ohm).is_some_and(|sigmas| sigmas > BEYOND_TOLERANCE_SIGMAS)
+}
+
+/// Standard errors from the end of a data sheet's tolerance to a value: of the value or of its logarithm, whichever are
+/// fewer. A time that is not known adds to the value as much however small the constant is. None without a nominal value.
+fn sigmas_beyond_tolerance(found: &Parameter, bridge_ohm: f64) -> Option<f64> {
+    let Parameter { nominal, value, ci95: [low, high], .. } = *found;
+    let nominal = nominal?;
+    let own = value - (value - nominal).clamp(0.0, bridge_ohm);
+    let off = (own / nominal).ln();
     let spread = (high / low.max(f64::MIN_POSITIVE)).ln() / (2.0 * Z95);
     let by_logarithm = (off.abs() - DATA_SHEET_TOLERANCE) / spread.max(LEAST_SPREAD);
     let end = nominal * DATA_SHEET_TOLERANCE.copysign(off).exp();
-    let towards_end = if off > 0.0 { found - low } else { high - found } / Z95;
-    let by_value = (value - end).copysign(off.abs() - DATA_SHEET_TOLERANCE) / towards_end.max(f64::MIN_POSITIVE);
-    by_logarithm.min(by_value)
+    let towards_end = if off > 0.0 { value - low } else { high - value } / Z95;
+    let by_value = (own - end) * off.signum() / towards_end.max(f64::MIN_POSITIVE);
+    Some(by_logarithm.min(by_value))
 }
 
 pub(super) fn value_cause(id: &str, constant: &str, estimate: Estimate, sigmas: f64) -> Cause {
@@ -194,6 +194,7 @@ pub(super) fn is_of_the_reading(cause: &str, data: &Dataset, model: &Model) -> b
 
 #[cfg(test)]
 mod tests {
+    use super::super::outcome::ScaleOrigin;
     use super::*;
     use motorbench_data::recording::Recording;
     use motorbench_data::rig::Rig;
@@ -205,7 +206,8 @@ mod tests {
     fn a_value_is_as_far_beyond_the_tolerance_as_its_interval_says() {
         let sigmas = |value: f64, half_width: f64| {
             let ci95 = [value - half_width, value + half_width];
-            sigmas_beyond_tolerance(value, (value, ci95), 1.0)
+            let found = Parameter { nominal: Some(1.0), value, ci95, scale: ScaleOrigin::Measured };
+            sigmas_beyond_tolerance(&found, 0.0).unwrap()
         };
         for (value, half_width, is_wrong) in
             [(5.0, 2.7, false), (5.0, 1.0, true), (0.2, 0.02, true), (0.2, 0.19, false), (1.2, 0.01, false)]
