@@ -29,6 +29,7 @@ mod origin;
 mod otherwise;
 mod pwm;
 mod reading;
+mod resolution;
 mod row_order;
 mod speed_window;
 mod thinned;

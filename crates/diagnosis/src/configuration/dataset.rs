@@ -84,6 +84,12 @@ pub(crate) mod counter_stops {
     pub const STILL_DRIVEN: f64 = 0.7;
     /// Fewer stops may be single events of any kind.
     pub const FEWEST: usize = 3;
+    /// So many lengths of a stop are looked at on either side. The shaft stands where it turns less than this share of what a
+    /// stop loses. A counter is blocked less than a third of the time, and apart from that the shaft hardly stands.
+    pub const AROUND: usize = 10;
+    pub const STILL_TURNING: f64 = 0.5;
+    pub const MOST_STANDING: f64 = 1.0 / 3.0;
+    pub const MOST_STANDING_APART: f64 = 0.25;
     /// Rows over which a change of speed is evaluated: one row shows the fastest, three have less rounding.
     pub const SPANS: [usize; 2] = [1, 3];
     /// Rows right before and after a stop that a model found show the speed there.
@@ -234,6 +240,15 @@ pub(crate) mod reading {
     pub const GREATEST_LIMITED_DUTY: f64 = 2.0;
     /// A motion with this correlation against its drive is impossible: a motor takes energy from its drive.
     pub const BACKWARD: f64 = -0.2;
+}
+
+/// [`crate::dataset::resolution`].
+pub(crate) mod resolution {
+    /// A step is seen in so many gaps between the values that occur, each read so often in the mean.
+    pub const FEWEST_GAPS: usize = 4;
+    pub const FEWEST_READINGS: usize = 5;
+    /// A gap is a whole number of steps, to this share of it: a file rounds a step to two digits at least.
+    pub const UNEVEN: f64 = 0.2;
 }
 
 /// [`crate::dataset::row_order`].

@@ -289,8 +289,8 @@ pub(crate) mod pwm_phase {
     pub const FIRST_FILTER: f64 = 0.1;
     /// The time of a mean of currents is sought from these on, in periods. A mean over a whole one has no ripple.
     pub const FIRST_WINDOWS: [f64; 2] = [0.2, 0.5];
-    /// So many ripples of different frequencies are compared: rows in step see several as the same one.
-    pub const RIPPLES: usize = 3;
+    /// So many ripples are compared: rows in step see several frequencies as the same one, and either pulse much alike.
+    pub const RIPPLES: usize = 6;
     /// A phase shows in any part of a recording in which the command changes; this much suffices.
     pub const EXCERPT_S: f64 = 3.0;
     /// So many periods of the PWM shorter and longer: beyond a kink of the cost, and near enough for the same phase.

@@ -8,7 +8,8 @@
 
 use super::{DIFFERENCE_SPAN_S, Dataset, Output, Stretch};
 use crate::configuration::dataset::counter_stops::{
-    ABRUPT, BESIDE, FEWEST, FEWEST_COUNTS, ROUNDED, SPANS, STILL_DRIVEN,
+    ABRUPT, AROUND, BESIDE, FEWEST, FEWEST_COUNTS, MOST_STANDING, MOST_STANDING_APART, ROUNDED, SPANS, STILL_DRIVEN,
+    STILL_TURNING,
 };
 use std::ops::{Range, RangeInclusive};
 
@@ -39,11 +40,31 @@ impl CounterStop {
 /// The stops of a counter with these counts, missing ones as NaN. `drive`: the command of the bridge.
 pub(super) fn find(counts: &[f64], drive: &[f64]) -> Vec<CounterStop> {
     let mut stops: Vec<CounterStop> = stands(counts).filter_map(|stand| stand.stop(drive)).collect();
-    if stops.len() < FEWEST {
+    let rows: Vec<Range<usize>> = stops.iter().map(|stop| stop.rows.clone()).collect();
+    stops.retain(|stop| turns_on_around(stop, &rows, counts, drive));
+    // Where most were the shaft's own, the others are as well.
+    if stops.len() < FEWEST || 2 * stops.len() <= rows.len() {
         return Vec::new();
     }
     stops.extend(like(&stops, counts));
     stops
+}
+
+/// Whether the shaft turns on around a stop, where it is driven as much. A shaft that is driven in slow pulses stands between
+/// them, again and again.
+fn turns_on_around(stop: &CounterStop, all: &[Range<usize>], counts: &[f64], drive: &[f64]) -> bool {
+    let length = stop.rows.len();
+    let least = STILL_TURNING * stop.lost_counts;
+    let is_driven = |row: usize| drive[row] * drive[stop.rows.start] >= STILL_DRIVEN * drive[stop.rows.start].powi(2);
+    let starts = stop.rows.start.saturating_sub(AROUND * length)..=stop.rows.end + AROUND * length;
+    let windows = starts.map(|start| start..start + length).filter(|rows| rows.end < counts.len());
+    let driven: Vec<Range<usize>> = windows.filter(|rows| rows.clone().all(is_driven)).collect();
+    let stands = |rows: &&Range<usize>| (counts[rows.end] - counts[rows.start]) * least.signum() < least.abs();
+    let is_apart = |rows: &&Range<usize>| all.iter().all(|stop| rows.end < stop.start || stop.end < rows.start);
+    let standing = driven.iter().filter(stands).count() as f64;
+    let (apart, standing_apart) = (driven.iter().filter(is_apart), driven.iter().filter(is_apart).filter(stands));
+    standing <= MOST_STANDING * driven.len() as f64
+        && standing_apart.count() as f64 <= MOST_STANDING_APART * apart.count() as f64
 }
 
 /// Further stops of the same length as known ones: they begin or end too abruptly for the shaft, even if it
@@ -344,6 +365,22 @@ mod tests {
         ) {
             let drive = drive(&levels, rows);
             let found = find(&counts(&drive, time_constant_rows, top, &[]), &drive);
+            prop_assert!(found.is_empty(), "{found:?}");
+        }
+    }
+
+    proptest! {
+        /// Which are shorter than the pauses. The recorded command is their mean.
+        #[test]
+        fn a_shaft_that_turns_in_pulses_has_no_stops(
+            top in 4.0_f64..60.0,
+            time_constant_rows in 1.0_f64..20.0,
+            rows in 5_usize..40,
+            duty in 0.1_f64..0.5,
+        ) {
+            let steps = ((duty * rows as f64).round() as usize).clamp(1, rows - 1);
+            let pulses: Vec<f64> = (0..1000).map(|row| if row % rows < steps { 1.0 } else { 0.0 }).collect();
+            let found = find(&counts(&pulses, time_constant_rows, top, &[]), &vec![duty; pulses.len()]);
             prop_assert!(found.is_empty(), "{found:?}");
         }
     }

@@ -1,6 +1,6 @@
 //! The measured quantities, and how exactly each is known.
 
-use super::{Dataset, Stretch, correlated_noise, noise, spread};
+use super::{Dataset, Stretch, correlated_noise, noise, resolution, spread};
 pub use crate::configuration::dataset::measured::TOLERANCE;
 use crate::configuration::dataset::measured::{LONGEST_CORRELATION_S, SHARED_COUNTS};
 use motorbench_data::recording::Channel;
@@ -105,7 +105,8 @@ impl Dataset {
             measured.correlated_rows = correlated_rows;
             // A signal may change as quickly as correlated noise does. A residual does not.
             measured.noise = measured.or_of_counting(noise(&measured.values));
-            let resolution = if measured.output == Output::Current { current_resolution_a } else { None };
+            let seen = || resolution::of_readings(&measured.values);
+            let resolution = if measured.output == Output::Current { current_resolution_a.or_else(seen) } else { None };
             measured.tolerance = (TOLERANCE * spread(&measured.values)).max(resolution.unwrap_or(0.0));
         }
     }

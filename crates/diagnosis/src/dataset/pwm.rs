@@ -87,11 +87,18 @@ impl Dataset {
     /// Whether commands come at any time in a period of a PWM that is averaged. Rows in step with it always wait for one
     /// time, which nothing tells.
     pub fn may_wait(&self) -> bool {
-        let origin = &self.origin;
-        let is_averaged = self.axis.drive.is_voltage() && origin.pwm_is_known && !self.is_pwm_slow();
-        let periods = self.interval_s * origin.pwm_hz;
+        self.is_pwm_averaged() && self.origin.timing.current_sampled_at.is_none() && !self.is_in_step()
+    }
+
+    /// Whether every row comes at the same time in a period of a PWM that is averaged.
+    pub fn is_in_step(&self) -> bool {
+        let periods = self.interval_s * self.origin.pwm_hz;
         let turns = self.len() as f64 * (periods - periods.round());
-        is_averaged && origin.timing.current_sampled_at.is_none() && turns.abs() > 1.0
+        self.is_pwm_averaged() && turns.abs() <= 1.0
+    }
+
+    fn is_pwm_averaged(&self) -> bool {
+        self.axis.drive.is_voltage() && self.origin.pwm_is_known && !self.is_pwm_slow()
     }
 
     /// Whether all rows have one clock: that of one recording.

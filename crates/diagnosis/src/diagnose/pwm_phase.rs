@@ -9,7 +9,7 @@ use super::select::NEAR;
 use crate::configuration::diagnose::pwm_phase::{
     BESIDE, EXCERPT_S, FIRST_FILTER, FIRST_WINDOWS, FITTED, HALVINGS, PHASES, PHASES_OF_SLOW, RIPPLE_TELLS, RIPPLES,
 };
-use crate::dataset::{Dataset, Latch};
+use crate::dataset::{Dataset, Latch, Pulse};
 use crate::identify::{Effort, Fit, Item, Prior, fit, fit_with_items};
 use crate::parallel;
 use motorbench_model::Model;
@@ -29,11 +29,16 @@ pub(super) fn settle_at_first(data: &mut Dataset, prior: &Prior) {
         means.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost))
     };
     let found = if data.reads_instants() { mean() } else { None };
-    if let Some(by_ripple) = found.and_then(|mean| by_ripple(data, prior, &models, &mean)) {
-        *data = by_ripple;
+    if let Some(by_instants) = found.and_then(|mean| by_instants(data, prior, &models, &mean)) {
+        *data = by_instants;
     } else if let Some(by_commands) = by_commands(data, prior, &models) {
         *data = by_commands;
     }
+}
+
+/// The data with the phase in which each current is read.
+fn by_instants(data: &Dataset, prior: &Prior, models: &[Model], mean: &Fit) -> Option<Dataset> {
+    by_ripple(data, prior, models, mean).or_else(|| by_duty(data, prior, models, mean))
 }
 
 /// The data with the frequency and the phase of a ripple, if that has very strong evidence. `mean` reads means over a period.
@@ -55,6 +60,27 @@ fn by_ripple(data: &Dataset, prior: &Prior, models: &[Model], mean: &Fit) -> Opt
     let shows = nats > least_nats(&other);
     shows.then(|| {
         let (other, found) = as_read(other, prior, found);
+        other.with_instants_blurred(found.model.motor.inductance_h)
+    })
+}
+
+/// The data of rows in step with a PWM that is averaged, read at the instant that fits best, if that has very strong evidence.
+/// What they see of the ripple depends on the duty alone, so its spectrum has no line. `mean` reads means over a period.
+fn by_duty(data: &Dataset, prior: &Prior, models: &[Model], mean: &Fit) -> Option<Dataset> {
+    if !data.is_in_step() || data.origin.current_window_s > 0.0 {
+        return None;
+    }
+    let ways = [Pulse::AtBegin, Pulse::InMiddle].into_iter().filter_map(|pulse| {
+        let other = data.with_pwm_of(data.origin.pwm_hz, pulse);
+        let way = likeliest(&other.excerpt(EXCERPT_S), prior, models, None)?;
+        let other = other.with_pwm_phase(Some(way.phase));
+        let found = fit(&way.found.model, &other, prior, Effort::TRIAL);
+        Some((other, found))
+    });
+    let (other, better) = ways.min_by(|a, b| a.1.cost.total_cmp(&b.1.cost))?;
+    let shows = better.cost < mean.cost && evidence_nats(data, mean, &better) > least_nats(data);
+    shows.then(|| {
+        let (other, found) = as_read(other, prior, better);
         other.with_instants_blurred(found.model.motor.inductance_h)
     })
 }
@@ -223,7 +249,7 @@ pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {
     }
     // It may have been hidden by what the nominal motor lacks. Rows see a ripple as noise, so the noise does not tell.
     if data.reads_instants()
-        && let Some(other) = by_ripple(data, prior, std::slice::from_ref(&found.model), found)
+        && let Some(other) = by_instants(data, prior, std::slice::from_ref(&found.model), found)
     {
         *data = other;
         return true;

@@ -35,7 +35,8 @@ impl Ripple {
     }
 }
 
-/// The strongest ripple near each frequency that the PWM may have, strongest first. `found` reads means over a period.
+/// The strongest ripple of either pulse near each frequency that the PWM may have, strongest first. `found` reads means over
+/// a period.
 pub(super) fn ripples(data: &Dataset, found: &Fit) -> Vec<Ripple> {
     let Some(current) = data.measured.iter().position(|measured| measured.output == Output::Current) else {
         return Vec::new();
@@ -43,13 +44,9 @@ pub(super) fn ripples(data: &Dataset, found: &Fit) -> Vec<Ripple> {
     let residual = found.residual_of(data, current);
     let readings = quick(data, |_, row| Complex::from(residual[row]));
     let of_pulse = |hz: f64, pulse: Pulse| Spectrum::new(data, &readings, hz, pulse)?.peak();
-    // The pulses that the ripple follows better are those.
-    let of_better_pulse = |hz: f64| {
-        let of_both = [Pulse::AtBegin, Pulse::InMiddle].into_iter().filter_map(|pulse| of_pulse(hz, pulse));
-        of_both.max_by(|a, b| a.0.nats.total_cmp(&b.0.nats))
-    };
-    let looked: Vec<(Ripple, usize)> = near(data).into_iter().filter_map(of_better_pulse).collect();
-    let tried: usize = looked.iter().map(|(_, tried)| 2 * tried).sum();
+    let of_both = |hz: f64| [Pulse::AtBegin, Pulse::InMiddle].into_iter().filter_map(move |pulse| of_pulse(hz, pulse));
+    let looked: Vec<(Ripple, usize)> = near(data).into_iter().flat_map(of_both).collect();
+    let tried: usize = looked.iter().map(|(_, tried)| tried).sum();
     let priced = looked.into_iter().map(|(ripple, _)| Ripple { nats: ripple.nats - (tried as f64).ln(), ..ripple });
     let mut ripples: Vec<Ripple> = priced.filter(|ripple| ripple.nats > VERY_STRONG_NATS).collect();
     ripples.sort_by(|a, b| b.nats.total_cmp(&a.nats));

@@ -1,5 +1,6 @@
 //! The stock PWM of an Uno, 490 Hz: the current goes up and down within each period, and a sketch reads it at any moment.
-//! The bridge brakes or coasts between the pulses. The simulation shares nothing with the models.
+//! The bridge brakes or coasts between the pulses. And a fast PWM that is in step with the rows. The simulation shares nothing
+//! with the models.
 
 use crate::{fresh_seed, less};
 use motorbench_data::recording::Recording;
@@ -26,6 +27,10 @@ const STEP_S: f64 = 1e-5;
 /// One step of a converter of 10 bits behind a sensor of 185 mV/A.
 const STEP_A: f64 = 0.0264;
 
+/// A whole number of periods in a row of one millisecond.
+const FAST_HZ: f64 = 20_000.0;
+const FAST_STEP_S: f64 = 1e-6;
+
 /// What a rig file says of a bridge whose off phase coasts.
 const COASTS: &str = "[bridge]\npwm_Hz = 490\ndecay = \"coast\"\n";
 
@@ -47,6 +52,8 @@ enum Timer {
 
 struct Bench {
     timer: Timer,
+    drop_v: f64,
+    step_s: f64,
     /// Of the period that runs.
     duty: f64,
     pwm_hz: f64,
@@ -62,11 +69,30 @@ struct Bench {
 }
 
 impl Bench {
+    /// At rest.
+    fn new(timer: Timer, pwm_hz: f64, phase: f64) -> Self {
+        Self {
+            timer,
+            drop_v: DROP_V,
+            step_s: STEP_S,
+            duty: 0.0,
+            pwm_hz,
+            phase,
+            window_s: 0.0,
+            lately_a: VecDeque::new(),
+            time_s: 0.0,
+            current_a: 0.0,
+            speed_rad_per_s: 0.0,
+            angle_rad: 0.0,
+        }
+    }
+
     /// Runs at a duty for some time.
     fn run(&mut self, between: Between, duty: f64, length_s: f64) {
-        for _ in 0..(length_s / STEP_S).round() as usize {
+        let step_s = self.step_s;
+        for _ in 0..(length_s / step_s).round() as usize {
             let passed = (self.phase + self.time_s * self.pwm_hz).fract();
-            if self.timer == Timer::Software || passed < STEP_S * self.pwm_hz {
+            if self.timer == Timer::Software || passed < step_s * self.pwm_hz {
                 self.duty = duty;
             }
             let is_on = match self.timer {
@@ -75,12 +101,12 @@ impl Bench {
             };
             self.current_a = self.current_after(between, is_on, self.duty);
             let torque_nm = TORQUE_CONSTANT * self.current_a - VISCOUS_NM_S * self.speed_rad_per_s;
-            let free = self.speed_rad_per_s + STEP_S * torque_nm / INERTIA_KG_M2;
-            self.speed_rad_per_s = less(free, STEP_S * FRICTION_NM / INERTIA_KG_M2);
-            self.angle_rad += STEP_S * self.speed_rad_per_s;
-            self.time_s += STEP_S;
+            let free = self.speed_rad_per_s + step_s * torque_nm / INERTIA_KG_M2;
+            self.speed_rad_per_s = less(free, step_s * FRICTION_NM / INERTIA_KG_M2);
+            self.angle_rad += step_s * self.speed_rad_per_s;
+            self.time_s += step_s;
             self.lately_a.push_back(self.current_a);
-            self.lately_a.drain(..self.lately_a.len().saturating_sub((self.window_s / STEP_S) as usize));
+            self.lately_a.drain(..self.lately_a.len().saturating_sub((self.window_s / step_s) as usize));
         }
     }
 
@@ -92,7 +118,7 @@ impl Bench {
     }
 
     fn current_after(&self, between: Between, is_on: bool, duty: f64) -> f64 {
-        let per_volt = STEP_S / INDUCTANCE_H;
+        let per_volt = self.step_s / INDUCTANCE_H;
         let own_v = -RESISTANCE_OHM * self.current_a - TORQUE_CONSTANT * self.speed_rad_per_s;
         let free = |source_v: f64| self.current_a + per_volt * (source_v + own_v);
         match (between, is_on) {
@@ -103,7 +129,7 @@ impl Bench {
                 let next = free(-way * (SUPPLY_V + 2.0 * DIODE_V));
                 if next * way > 0.0 { next } else { 0.0 }
             }
-            _ => less(free(if is_on { SUPPLY_V.copysign(duty) } else { 0.0 }), per_volt * DROP_V),
+            _ => less(free(if is_on { SUPPLY_V.copysign(duty) } else { 0.0 }), per_volt * self.drop_v),
         }
     }
 }
@@ -118,17 +144,23 @@ fn command(time_s: f64) -> f64 {
     (duty.round() / 255.0 * 1e5).round() / 1e5
 }
 
+/// The same in whole steps of a fast PWM.
+fn fast_command(time_s: f64) -> f64 {
+    let steps = 1.0 / (FAST_HZ * FAST_STEP_S);
+    (command(time_s) * steps).round() / steps
+}
+
 impl Bench {
-    /// 12 s in rows of 10.1 ms.
-    fn table(self, between: Between) -> String {
+    /// 12 s.
+    fn table(self, between: Between, command: impl Fn(f64) -> f64, interval_s: f64) -> String {
         let mut bench = self;
         let mut text = String::from("t_s,duty,counts,i_A\n");
-        for row in 0..1190 {
-            let time_s = f64::from(row) * 0.0101;
+        for row in 0..(12.0 / interval_s) as u32 {
+            let time_s = f64::from(row) * interval_s;
             let counts = (bench.angle_rad / TAU * COUNTS_PER_REV).floor();
             let current = (bench.reading_a() / STEP_A).round() * STEP_A;
             let _ = writeln!(text, "{time_s:.5},{},{counts},{current:.4}", command(time_s));
-            bench.run(between, command(time_s), 0.0101);
+            bench.run(between, command(time_s), interval_s);
         }
         text
     }
@@ -172,21 +204,12 @@ fn assert_told(timer: Timer, between: Between, bridge: &str) {
 fn assert_told_of_means(timer: Timer, between: Between, bridge: &str, longest_s: f64) {
     let seed = fresh_seed();
     let mut random = ChaCha8Rng::seed_from_u64(seed);
-    let bench = Bench {
-        timer,
-        pwm_hz: 490.196 * random.random_range(0.995..1.005),
-        phase: random.random(),
-        window_s: longest_s * random.random_range(0.33..1.0),
-        lately_a: VecDeque::new(),
-        duty: 0.0,
-        time_s: 0.0,
-        current_a: 0.0,
-        speed_rad_per_s: 0.0,
-        angle_rad: 0.0,
-    };
+    let pwm_hz = 490.196 * random.random_range(0.995..1.005);
+    let mut bench = Bench::new(timer, pwm_hz, random.random());
+    bench.window_s = longest_s * random.random_range(0.33..1.0);
     let case = format!("seed {seed}, {:.3} Hz, mean over {:.5} s", bench.pwm_hz, bench.window_s);
     let hz = bench.pwm_hz;
-    let found = diagnosed(&bench.table(between), bridge);
+    let found = diagnosed(&bench.table(between, command, 0.0101), bridge);
     assert_near(
         &format!("{case}: friction"),
         named(&found, "coulomb_friction").parameters["torque_Nm"].value,
@@ -231,4 +254,25 @@ fn pulses_in_the_middle_of_their_period_where_the_off_phase_coasts() {
 #[test]
 fn a_current_that_is_a_mean_over_a_part_of_a_period() {
     assert_told_of_means(Timer::PhaseCorrect, Between::Brakes, "", 1.2e-3);
+}
+
+/// One clock makes the rows and a fast PWM: each reading is at the same place in a period. Whichever place, and wherever the
+/// pulse is in its period, that is told from the current. Transistors without a drop, and diodes that coast.
+#[test]
+fn rows_in_step_with_a_fast_pwm() {
+    let seed = fresh_seed();
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let timer = if random.random() { Timer::Software } else { Timer::PhaseCorrect };
+    let phase = random.random();
+    let bench = Bench { drop_v: 0.0, step_s: FAST_STEP_S, ..Bench::new(timer, FAST_HZ, phase) };
+    let case = format!("seed {seed}, {timer:?}, phase {phase:.3}");
+    let table = bench.table(Between::Coasts, fast_command, 1e-3);
+    let found = diagnosed(&table, &format!("[bridge]\npwm_Hz = {FAST_HZ}\n"));
+    let torque_nm = named(&found, "coulomb_friction").parameters["torque_Nm"].value;
+    assert_near(&format!("{case}: friction"), torque_nm, FRICTION_NM, 0.03);
+    named(&found, "coast_decay");
+    for (name, truth) in [("resistance_ohm", RESISTANCE_OHM), ("inertia_kg_m2", INERTIA_KG_M2)] {
+        assert_near(&format!("{case}: {name}"), found.parameters[name].value, truth, 0.03);
+    }
+    assert_eq!(found.verdict, Verdict::Explained, "{case}: {found:?}");
 }
