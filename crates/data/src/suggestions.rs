@@ -15,7 +15,7 @@ const WORDS: [(Channel, &[&str]); 11] = [
     (Channel::Duty, &["pwm", "duty", "dutycycle", "throttle"]),
     (Channel::Current, &["current", "amps", "amp", "ma", "i", "ia", "strom", "curr", "ampere", "adc", "acs"]),
     (Channel::LoadTorque, &["torque", "load"]),
-    (Channel::Speed, &["speed", "velocity", "vel", "omega", "w", "rps", "cps", "gyro"]),
+    (Channel::Speed, &["speed", "velocity", "velo", "vel", "velocidad", "vitesse", "omega", "w", "rps", "cps", "gyro"]),
     (Channel::Counts, &["counts", "count", "encoder", "enc", "ticks", "pulses"]),
     (Channel::Angle, &["angle", "theta", "position", "pos", "deg", "rotation"]),
     (Channel::Voltage, &["voltage", "volts", "volt", "u", "v", "spannung", "applied"]),
@@ -299,6 +299,15 @@ mod tests {
         assert_eq!(
             options(robot.iter(), &[Channel::Time], empty()),
             "--column /Drive/LeftAppliedVolts=u_V --column /Drive/LeftVelocityRadPerSec=omega_rad_per_s"
+        );
+        let structure = [
+            column("RawData/Time", &[0.0, 0.001]),
+            column("RawData/Input", &[0.0, 11.7]),
+            column("RawData/Velo", &[0.0, 210.0]),
+        ];
+        assert_eq!(
+            options(structure.iter(), &[], empty()),
+            "--column RawData/Time=t_s --column RawData/Velo=omega_rad_per_s --column RawData/Input=u_V"
         );
         let other = [
             column("t", &[0.0, 0.01]),

@@ -53,18 +53,27 @@ pub(super) fn find(counts: &[f64], drive: &[f64]) -> Vec<CounterStop> {
 /// Whether the shaft turns on around a stop, where it is driven as much. A shaft that is driven in slow pulses stands between
 /// them, again and again.
 fn turns_on_around(stop: &CounterStop, all: &[Range<usize>], counts: &[f64], drive: &[f64]) -> bool {
-    let length = stop.rows.len();
+    let (length, drive_then) = (stop.rows.len(), drive[stop.rows.start]);
+    let around = stop.rows.start.saturating_sub(AROUND * length)..stop.rows.end + (AROUND + 1) * length;
+    let stops: Vec<&Range<usize>> = all.iter().filter(|rows| meet(rows, &around)).collect();
+    let is_driven = |row: usize| drive[row] * drive_then >= STILL_DRIVEN * drive_then * drive_then;
     let least = STILL_TURNING * stop.lost_counts;
-    let is_driven = |row: usize| drive[row] * drive[stop.rows.start] >= STILL_DRIVEN * drive[stop.rows.start].powi(2);
-    let starts = stop.rows.start.saturating_sub(AROUND * length)..=stop.rows.end + AROUND * length;
-    let windows = starts.map(|start| start..start + length).filter(|rows| rows.end < counts.len());
-    let driven: Vec<Range<usize>> = windows.filter(|rows| rows.clone().all(is_driven)).collect();
-    let stands = |rows: &&Range<usize>| (counts[rows.end] - counts[rows.start]) * least.signum() < least.abs();
-    let is_apart = |rows: &&Range<usize>| all.iter().all(|stop| rows.end < stop.start || stop.end < rows.start);
-    let standing = driven.iter().filter(stands).count() as f64;
-    let (apart, standing_apart) = (driven.iter().filter(is_apart), driven.iter().filter(is_apart).filter(stands));
-    standing <= MOST_STANDING * driven.len() as f64
-        && standing_apart.count() as f64 <= MOST_STANDING_APART * apart.count() as f64
+    let stands = |rows: &Range<usize>| (counts[rows.end] - counts[rows.start]) * least.signum() < least.abs();
+    let windows = around.map(|start| start..start + length).take_while(|rows| rows.end < counts.len());
+    let (mut driven, mut standing, mut apart, mut standing_apart) = (0.0, 0.0, 0.0, 0.0);
+    for rows in windows.filter(|rows| rows.clone().all(is_driven)) {
+        let stands = f64::from(u8::from(stands(&rows)));
+        (driven, standing) = (driven + 1.0, standing + stands);
+        if !stops.iter().any(|stop| meet(stop, &rows)) {
+            (apart, standing_apart) = (apart + 1.0, standing_apart + stands);
+        }
+    }
+    standing <= MOST_STANDING * driven && standing_apart <= MOST_STANDING_APART * apart
+}
+
+/// Whether two parts of a recording overlap or touch.
+fn meet(one: &Range<usize>, other: &Range<usize>) -> bool {
+    one.start <= other.end && other.start <= one.end
 }
 
 /// Further stops of the same length as known ones: they begin or end too abruptly for the shaft, even if it
@@ -370,7 +379,7 @@ mod tests {
     }
 
     proptest! {
-        /// Which are shorter than the pauses. The recorded command is their mean.
+        /// The pulses are shorter than their pauses, and the recorded command is their mean.
         #[test]
         fn a_shaft_that_turns_in_pulses_has_no_stops(
             top in 4.0_f64..60.0,

@@ -152,13 +152,19 @@ fn fast_command(time_s: f64) -> f64 {
 
 impl Bench {
     /// 12 s.
-    fn table(self, between: Between, command: impl Fn(f64) -> f64, interval_s: f64) -> String {
+    fn table(
+        self,
+        between: Between,
+        command: impl Fn(f64) -> f64,
+        interval_s: f64,
+        mut noise_a: impl FnMut() -> f64,
+    ) -> String {
         let mut bench = self;
         let mut text = String::from("t_s,duty,counts,i_A\n");
         for row in 0..(12.0 / interval_s) as u32 {
             let time_s = f64::from(row) * interval_s;
             let counts = (bench.angle_rad / TAU * COUNTS_PER_REV).floor();
-            let current = (bench.reading_a() / STEP_A).round() * STEP_A;
+            let current = ((bench.reading_a() + noise_a()) / STEP_A).round() * STEP_A;
             let _ = writeln!(text, "{time_s:.5},{},{counts},{current:.4}", command(time_s));
             bench.run(between, command(time_s), interval_s);
         }
@@ -209,7 +215,7 @@ fn assert_told_of_means(timer: Timer, between: Between, bridge: &str, longest_s:
     bench.window_s = longest_s * random.random_range(0.33..1.0);
     let case = format!("seed {seed}, {:.3} Hz, mean over {:.5} s", bench.pwm_hz, bench.window_s);
     let hz = bench.pwm_hz;
-    let found = diagnosed(&bench.table(between, command, 0.0101), bridge);
+    let found = diagnosed(&bench.table(between, command, 0.0101, || 0.0), bridge);
     assert_near(
         &format!("{case}: friction"),
         named(&found, "coulomb_friction").parameters["torque_Nm"].value,
@@ -266,7 +272,7 @@ fn rows_in_step_with_a_fast_pwm() {
     let phase = random.random();
     let bench = Bench { drop_v: 0.0, step_s: FAST_STEP_S, ..Bench::new(timer, FAST_HZ, phase) };
     let case = format!("seed {seed}, {timer:?}, phase {phase:.3}");
-    let table = bench.table(Between::Coasts, fast_command, 1e-3);
+    let table = bench.table(Between::Coasts, fast_command, 1e-3, || random.random_range(-0.02..0.02));
     let found = diagnosed(&table, &format!("[bridge]\npwm_Hz = {FAST_HZ}\n"));
     let torque_nm = named(&found, "coulomb_friction").parameters["torque_Nm"].value;
     assert_near(&format!("{case}: friction"), torque_nm, FRICTION_NM, 0.03);
