@@ -376,9 +376,7 @@ mod tests {
             let found = find(&counts(&drive, time_constant_rows, top, &[]), &drive);
             prop_assert!(found.is_empty(), "{found:?}");
         }
-    }
 
-    proptest! {
         /// The pulses are shorter than their pauses, and the recorded command is their mean.
         #[test]
         fn a_shaft_that_turns_in_pulses_has_no_stops(

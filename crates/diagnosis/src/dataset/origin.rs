@@ -27,6 +27,9 @@ pub enum Pulse {
 }
 
 impl Pulse {
+    /// Wherever a timer may put it.
+    pub const ALL: [Self; 2] = [Self::AtBegin, Self::InMiddle];
+
     /// Share of a period that passes before the pulse of a duty.
     pub fn begins_at(self, duty: f64) -> f64 {
         match self {

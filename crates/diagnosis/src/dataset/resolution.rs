@@ -35,7 +35,13 @@ mod tests {
         #![proptest_config(ProptestConfig::with_cases(64))]
         /// Behind an offset, with noise or without, written with three to six digits.
         #[test]
-        fn the_step_of_a_converter_is_seen(step_a in 0.01_f64..0.05, offset_a in -0.02_f64..0.02, noise: bool, digits in 3..7, seed: u64) {
+        fn the_step_of_a_converter_is_seen(
+            step_a in 0.01_f64..0.05,
+            offset_a in -0.02_f64..0.02,
+            noise: bool,
+            digits in 3..7,
+            seed: u64,
+        ) {
             let mut random = ChaCha8Rng::seed_from_u64(seed);
             let digits = 10_f64.powi(digits);
             let values = (0..3000).map(|row| {
@@ -51,7 +57,8 @@ mod tests {
         fn readings_of_any_value_have_none(digits in 3..9, seed: u64) {
             let mut random = ChaCha8Rng::seed_from_u64(seed);
             let digits = 10_f64.powi(digits);
-            let values = (0..3000).map(|row| ((current_a(row) + random.random_range(-0.01..0.01)) * digits).round() / digits);
+            let mut read = |row: usize| current_a(row) + random.random_range(-0.01..0.01);
+            let values = (0..3000).map(|row| (read(row) * digits).round() / digits);
             let found = of_readings(&values.collect::<Vec<_>>());
             prop_assert!(found.is_none_or(|found| found < 1.01 / digits), "{found:?}");
         }

@@ -58,19 +58,22 @@ fn by_ripple(data: &Dataset, prior: &Prior, models: &[Model], mean: &Fit) -> Opt
     // What the models lack besides does not hide a line in the spectrum.
     let nats = evidence_nats(data, mean, &found).max(if found.cost < mean.cost { line_nats } else { 0.0 });
     let shows = nats > least_nats(&other);
-    shows.then(|| {
-        let (other, found) = as_read(other, prior, found);
-        other.with_instants_blurred(found.model.motor.inductance_h)
-    })
+    shows.then(|| of_instants(other, prior, found))
+}
+
+/// The data in a phase that shows, as they are read there.
+fn of_instants(data: Dataset, prior: &Prior, found: Fit) -> Dataset {
+    let (data, found) = as_read(data, prior, found);
+    data.with_instants_blurred(found.model.motor.inductance_h)
 }
 
 /// The data of rows in step with a PWM that is averaged, read at the instant that fits best, if that has very strong evidence.
 /// What they see of the ripple depends on the duty alone, so its spectrum has no line. `mean` reads means over a period.
 fn by_duty(data: &Dataset, prior: &Prior, models: &[Model], mean: &Fit) -> Option<Dataset> {
-    if !data.is_in_step() || data.origin.current_window_s > 0.0 {
+    if !data.is_in_step() || !data.is_one_recording() || data.origin.current_window_s > 0.0 {
         return None;
     }
-    let ways = [Pulse::AtBegin, Pulse::InMiddle].into_iter().filter_map(|pulse| {
+    let ways = Pulse::ALL.into_iter().filter_map(|pulse| {
         let other = data.with_pwm_of(data.origin.pwm_hz, pulse);
         let way = likeliest(&other.excerpt(EXCERPT_S), prior, models, None)?;
         let other = other.with_pwm_phase(Some(way.phase));
@@ -79,10 +82,7 @@ fn by_duty(data: &Dataset, prior: &Prior, models: &[Model], mean: &Fit) -> Optio
     });
     let (other, better) = ways.min_by(|a, b| a.1.cost.total_cmp(&b.1.cost))?;
     let shows = better.cost < mean.cost && evidence_nats(data, mean, &better) > least_nats(data);
-    shows.then(|| {
-        let (other, found) = as_read(other, prior, better);
-        other.with_instants_blurred(found.model.motor.inductance_h)
-    })
+    shows.then(|| of_instants(other, prior, better))
 }
 
 /// The data in the phase with which a model fits best, and the fit. A slow PWM takes a duty at once if that has very strong

@@ -44,7 +44,7 @@ pub(super) fn ripples(data: &Dataset, found: &Fit) -> Vec<Ripple> {
     let residual = found.residual_of(data, current);
     let readings = quick(data, |_, row| Complex::from(residual[row]));
     let of_pulse = |hz: f64, pulse: Pulse| Spectrum::new(data, &readings, hz, pulse)?.peak();
-    let of_both = |hz: f64| [Pulse::AtBegin, Pulse::InMiddle].into_iter().filter_map(move |pulse| of_pulse(hz, pulse));
+    let of_both = |hz: f64| Pulse::ALL.into_iter().filter_map(move |pulse| of_pulse(hz, pulse));
     let looked: Vec<(Ripple, usize)> = near(data).into_iter().flat_map(of_both).collect();
     let tried: usize = looked.iter().map(|(_, tried)| tried).sum();
     let priced = looked.into_iter().map(|(ripple, _)| Ripple { nats: ripple.nats - (tried as f64).ln(), ..ripple });
