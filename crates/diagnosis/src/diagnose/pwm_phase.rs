@@ -5,7 +5,7 @@
 use super::judge::{AS_GOOD, VERY_STRONG_NATS, evidence_nats};
 use super::pwm_frequency::{with_usual_bridges, without_lag_of_current};
 use super::pwm_ripple::ripples;
-use super::select::NEAR;
+use super::select::{LEAST_SHARE, NEAR};
 use crate::configuration::diagnose::pwm_phase::{
     BESIDE, EXCERPT_S, FIRST_FILTER, FIRST_WINDOWS, FITTED, HALVINGS, PHASES, PHASES_OF_SLOW, RIPPLE_TELLS, RIPPLES,
 };
@@ -29,24 +29,20 @@ pub(super) fn settle_at_first(data: &mut Dataset, prior: &Prior) {
         means.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost))
     };
     let found = if data.reads_instants() { mean() } else { None };
-    if let Some(by_instants) = found.and_then(|mean| by_instants(data, prior, &models, &mean)) {
-        *data = by_instants;
+    if let Some(by_ripple) = found.and_then(|mean| by_ripple(data, prior, &models, &mean)) {
+        *data = by_ripple;
     } else if let Some(by_commands) = by_commands(data, prior, &models) {
         *data = by_commands;
     }
 }
 
-/// The data with the phase in which each current is read.
-fn by_instants(data: &Dataset, prior: &Prior, models: &[Model], mean: &Fit) -> Option<Dataset> {
-    by_ripple(data, prior, models, mean).or_else(|| by_duty(data, prior, models, mean))
-}
-
 /// The data with the frequency and the phase of a ripple, if that has very strong evidence. `mean` reads means over a period.
-/// Rows in step with the PWM see a ripple that depends on the duty alone, and so does much of what the models may lack.
+/// Rows in step with the PWM see a ripple that depends on the duty alone, as much of what the models may lack does. Its line
+/// in the spectrum is none.
 fn by_ripple(data: &Dataset, prior: &Prior, models: &[Model], mean: &Fit) -> Option<Dataset> {
     let found = ripples(data, mean);
-    let ways = found.iter().take(RIPPLES).filter_map(|ripple| {
-        let other = data.with_pwm_of(ripple.hz, ripple.pulse);
+    let others = found.iter().map(|ripple| (ripple, data.with_pwm_of(ripple.hz, ripple.pulse)));
+    let ways = others.filter(|(_, other)| !other.is_in_step()).take(RIPPLES).filter_map(|(ripple, other)| {
         let near = Some(ripple.phase(&prior.motor));
         let way = likeliest(&other.excerpt(EXCERPT_S), prior, models, near)
             .filter(|way| way.found.cost <= AS_GOOD * way.mean.cost)?;
@@ -67,21 +63,23 @@ fn of_instants(data: Dataset, prior: &Prior, found: Fit) -> Dataset {
     data.with_instants_blurred(found.model.motor.inductance_h)
 }
 
-/// The data of rows in step with a PWM that is averaged, read at the instant that fits best, if that has very strong evidence.
-/// What they see of the ripple depends on the duty alone, so its spectrum has no line. `mean` reads means over a period.
-fn by_duty(data: &Dataset, prior: &Prior, models: &[Model], mean: &Fit) -> Option<Dataset> {
+/// The data of rows in step with a PWM that is averaged, read at the instant that fits best, if that explains enough and has
+/// very strong evidence beside the effects that were found. What such rows see of the ripple depends on the duty alone, as what
+/// an effect lacks does. `mean` reads means over a period.
+fn by_duty(data: &Dataset, prior: &Prior, mean: &Fit) -> Option<Dataset> {
     if !data.is_in_step() || !data.is_one_recording() || data.origin.current_window_s > 0.0 {
         return None;
     }
     let ways = Pulse::ALL.into_iter().filter_map(|pulse| {
         let other = data.with_pwm_of(data.origin.pwm_hz, pulse);
-        let way = likeliest(&other.excerpt(EXCERPT_S), prior, models, None)?;
+        let way = Way::new(&other.excerpt(EXCERPT_S), prior, &mean.model, None)?;
         let other = other.with_pwm_phase(Some(way.phase));
         let found = fit(&way.found.model, &other, prior, Effort::TRIAL);
         Some((other, found))
     });
     let (other, better) = ways.min_by(|a, b| a.1.cost.total_cmp(&b.1.cost))?;
-    let shows = better.cost < mean.cost && evidence_nats(data, mean, &better) > least_nats(data);
+    let explains = better.cost <= (1.0 - LEAST_SHARE) * mean.cost;
+    let shows = explains && evidence_nats(data, mean, &better) > least_nats(data);
     shows.then(|| of_instants(other, prior, better))
 }
 
@@ -248,11 +246,12 @@ pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {
         return false;
     }
     // It may have been hidden by what the nominal motor lacks. Rows see a ripple as noise, so the noise does not tell.
-    if data.reads_instants()
-        && let Some(other) = by_instants(data, prior, std::slice::from_ref(&found.model), found)
-    {
-        *data = other;
-        return true;
+    if data.reads_instants() {
+        let by_ripple = by_ripple(data, prior, std::slice::from_ref(&found.model), found);
+        if let Some(other) = by_ripple.or_else(|| by_duty(data, prior, found)) {
+            *data = other;
+            return true;
+        }
     }
     let explains = |better: &Fit| evidence_nats(data, found, better) > VERY_STRONG_NATS;
     let otherwise = taken_otherwise(data, prior, &found.model).filter(|(_, better)| explains(better));
@@ -302,8 +301,8 @@ pub(super) fn settle_timer(data: &mut Dataset, prior: &Prior, found: &Fit) -> bo
     shows
 }
 
-/// Whether a phase that a ripple showed has very strong evidence beside the effects that were found with it. Rows in step
-/// with the PWM see a ripple that depends on the duty alone, and so does the current of a friction or an offset.
+/// Whether a phase that a ripple showed has very strong evidence beside the effects that were found with it. Rows that are
+/// nearly in step see a ripple that goes on as evenly as what a missing friction or offset leaves.
 pub(super) fn is_needed(data: &Dataset, prior: &Prior, found: &Fit) -> bool {
     if data.origin.ripple_shows.is_none() {
         return true;

@@ -8,10 +8,8 @@ mod winding;
 use super::data_sheet::{doubts, has_wrong_values, is_implausible};
 use super::judge::{AS_GOOD, Gain, NOT_NOISE, VERY_STRONG_NATS, above_floor, evidence_nats, gain};
 use super::{another_part, bad_stretches, lateness, laws};
-use crate::configuration::diagnose::select::{
-    HALF_SUPPLY, LEAST_SHARE, LEAST_SIGMAS, MOST_EFFECTS, SAME_SHARE, SAME_SIGMAS,
-};
-pub(super) use crate::configuration::diagnose::select::{NEAR, SMALL_REST};
+use crate::configuration::diagnose::select::{HALF_SUPPLY, LEAST_SIGMAS, MOST_EFFECTS, SAME_SHARE, SAME_SIGMAS};
+pub(super) use crate::configuration::diagnose::select::{LEAST_SHARE, NEAR, SMALL_REST};
 use crate::dataset::Dataset;
 use crate::free_run::{Steps, drive, longest_step_s, read};
 use crate::identify::{Effort, Fit, Fits, LEAST_PROMISE, Prior, Promise, scales};

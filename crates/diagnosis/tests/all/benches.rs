@@ -15,10 +15,9 @@ pub fn in_the_suite<Bench, const COUNT: usize>(benches: [Bench; COUNT]) -> impl 
     benches.into_iter().take(if all_are_asked_for() { COUNT } else { 1 })
 }
 
-/// A third of many benches, another one in each run. It is printed which third that is.
-pub fn a_third_in_turn<Bench>(benches: impl Iterator<Item = Bench>) -> impl Iterator<Item = Bench> {
-    let (skipped, step) = if all_are_asked_for() { (0, 1) } else { (crate::fresh_seed() as usize % 3, 3) };
-    println!("every third bench from number {skipped} on");
+/// Every `nth` of many benches, others with another seed.
+pub fn in_turn<Bench>(seed: u64, nth: usize, benches: impl Iterator<Item = Bench>) -> impl Iterator<Item = Bench> {
+    let (skipped, step) = if all_are_asked_for() { (0, 1) } else { (seed as usize % nth, nth) };
     benches.skip(skipped).step_by(step)
 }
 

@@ -3,7 +3,8 @@
 //! The benches come from the crate `hidden-effects`, which is independent of the models here. The diagnosis gets only
 //! the texts of recording and rig file. Committed seeds must all be right.
 
-use crate::benches::{a_third_in_turn, assert_found, assert_is_named, clean, in_the_suite, short};
+use crate::benches::{assert_found, assert_is_named, clean, in_the_suite, in_turn, short};
+use crate::fresh_seed;
 use crate::scoring::{diagnosed, recipe};
 use hidden_effects::{Channels, Effect, Recipe, draw};
 use motorbench_data::recording::Recording;
@@ -43,7 +44,7 @@ fn a_constant_torque_is_no_lateness_of_the_readings() {
 /// Effects with a test of their own are left out.
 #[test]
 fn every_effect_is_found_alone() {
-    for (seed, effect) in a_third_in_turn((1000..).zip(Effect::CATALOGUE)) {
+    for (seed, effect) in in_turn(fresh_seed(), 3, (1000..).zip(Effect::CATALOGUE)) {
         assert_found(seed, &short(Recipe::of(&[effect])));
     }
     assert_found(1, &short(Recipe::of(&[Effect::SpeedLag]).on_real_rig()));

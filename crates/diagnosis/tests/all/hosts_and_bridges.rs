@@ -66,16 +66,19 @@ impl Bench {
         let mut sum_a = 0.0;
         for _ in 0..steps {
             let phase = (self.time_s * self.pwm_hz).fract();
+            // A pulse that begins or ends within a step lasts for a part of it. What comes with a step is taken by a period
+            // that begins within it, and too late for one that has begun.
+            let share = STEP_S * self.pwm_hz;
+            let taken = self.latched.unwrap_or(duty);
+            let on_before = (taken.abs() - phase).clamp(0.0, share) / share;
+            let on_after = (phase + share - 1.0).clamp(0.0, duty.abs()) / share;
             if let Some(latched) = &mut self.latched
-                && phase < STEP_S * self.pwm_hz
+                && phase + share >= 1.0
             {
                 *latched = duty;
             }
-            let duty = self.latched.unwrap_or(duty);
-            // A pulse that begins or ends within a step lasts for a part of it.
-            let (share, pulse) = (STEP_S * self.pwm_hz, duty.abs());
-            let on = ((pulse - phase).clamp(0.0, share) + (phase + share - 1.0).clamp(0.0, pulse)) / share;
-            let source_v = on * duty.signum() * SUPPLY_V;
+            let on = on_before + on_after;
+            let source_v = (on_before * taken.signum() + on_after * duty.signum()) * SUPPLY_V;
             let drop_v = self.drops_v[1] + on * (self.drops_v[0] - self.drops_v[1]);
             let drop_v = drop_v + self.junctions_v * (self.current_a / SATURATION_A).abs().ln_1p();
             let bridge_ohm = (1.0 - on) * self.off_phase_ohm;
@@ -197,6 +200,7 @@ fn a_pause_of_the_host_is_left_out_and_told() {
 
 /// Two pauses of the host, and brushes whose unrest has no name: the constants are those of the rows between the pauses.
 #[test]
+#[ignore = "takes long: `scripts/trials committed`"]
 fn pauses_beside_a_rest_without_a_name_bend_no_constant() {
     let seed = 1;
     let mut random = ChaCha8Rng::seed_from_u64(seed);

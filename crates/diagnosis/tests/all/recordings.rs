@@ -1,6 +1,6 @@
 //! What a program, a sensor or a rig file makes of a recording: times, scales, means, commands that are not recorded.
 
-use crate::benches::{assert_found, assert_is_named, in_the_suite, short, with_cells};
+use crate::benches::{assert_found, assert_is_named, in_the_suite, in_turn, short, with_cells};
 use crate::fresh_seed;
 use crate::scoring::{diagnosed, hidden, named, recipe};
 use hidden_effects::{Channels, Effect, Excitation, Motor, Recipe, Trial, draw};
@@ -34,15 +34,17 @@ fn causes_with(falsify: impl Fn(&mut Rig)) -> Vec<String> {
 
 #[test]
 fn a_wrong_value_is_a_cause() {
+    type Falsify = fn(&mut Rig);
+    let wrong: [(Falsify, &str); 4] = [
+        (|rig| *rig.motor.torque_constant_nm_per_a.as_mut().unwrap() *= 0.7, "parameter:torque_constant"),
+        (|rig| *rig.supply.voltage_v.as_mut().unwrap() *= 1.33, "parameter:supply_voltage"),
+        (|rig| *rig.motor.inertia_kg_m2.as_mut().unwrap() *= 1.5, "parameter:inertia"),
+        (|rig| *rig.encoder.counts_per_rev.as_mut().unwrap() *= 4.0, "parameter:counts_per_rev"),
+    ];
     assert_eq!(causes_with(|_| ()), [""; 0]);
-    let constant = causes_with(|rig| *rig.motor.torque_constant_nm_per_a.as_mut().unwrap() *= 0.7);
-    assert_eq!(constant, ["parameter:torque_constant"]);
-    let inertia = causes_with(|rig| *rig.motor.inertia_kg_m2.as_mut().unwrap() *= 1.5);
-    assert_eq!(inertia, ["parameter:inertia"]);
-    let supply = causes_with(|rig| *rig.supply.voltage_v.as_mut().unwrap() *= 1.33);
-    assert_eq!(supply, ["parameter:supply_voltage"]);
-    let edges = causes_with(|rig| *rig.encoder.counts_per_rev.as_mut().unwrap() *= 4.0);
-    assert_eq!(edges, ["parameter:counts_per_rev"]);
+    for (falsify, named) in in_turn(fresh_seed(), 2, wrong.into_iter()) {
+        assert_eq!(causes_with(falsify), [named]);
+    }
 }
 
 /// A wrong scale beside the effects of the motor, with nominal values off by a fifth: half of the edges, another

@@ -1,5 +1,6 @@
 //! Recordings of one step, without a current: the benches of a first lesson. Their simulation shares nothing with the models.
 
+use crate::benches::in_the_suite;
 use crate::{fresh_seed, less};
 use motorbench_data::recording::Recording;
 use motorbench_data::rig::Rig;
@@ -141,7 +142,7 @@ fn a_dead_time_is_named_and_nothing_else() {
 
 #[test]
 fn a_friction_that_drifts_is_no_effect_of_time() {
-    for seed in 1..=2 {
+    for seed in in_the_suite([1, 2]) {
         let found = of_a_drift(seed);
         assert!(has_no_name_of_time(&found), "seed {seed}: {found:?}");
     }

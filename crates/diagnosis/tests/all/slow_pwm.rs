@@ -2,6 +2,7 @@
 //! The bridge brakes or coasts between the pulses. And a fast PWM that is in step with the rows. The simulation shares nothing
 //! with the models.
 
+use crate::benches::in_turn;
 use crate::{fresh_seed, less};
 use motorbench_data::recording::Recording;
 use motorbench_data::rig::Rig;
@@ -35,7 +36,7 @@ const FAST_STEP_S: f64 = 1e-6;
 const COASTS: &str = "[bridge]\npwm_Hz = 490\ndecay = \"coast\"\n";
 
 /// What the bridge does between the pulses.
-#[derive(Clone, Copy, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 enum Between {
     Brakes,
     Coasts,
@@ -201,20 +202,15 @@ fn assert_drop_told(case: &str, found: &Outcome) {
     }
 }
 
-/// The clock of the board is off by up to half a percent, and the recording begins anywhere in a period.
-fn assert_told(timer: Timer, between: Between, bridge: &str) {
-    assert_told_of_means(timer, between, bridge, 0.0);
-}
-
-/// The same where each current is a mean over some conversions that take so long, between a third of it and all of it.
-fn assert_told_of_means(timer: Timer, between: Between, bridge: &str, longest_s: f64) {
-    let seed = fresh_seed();
+/// The clock of the board is off by up to half a percent, and the recording begins anywhere in a period. Each current is a
+/// mean over some conversions. They take between a third of `longest_s` and all of it.
+fn assert_told(seed: u64, timer: Timer, between: Between, bridge: &str, longest_s: f64) {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let pwm_hz = 490.196 * random.random_range(0.995..1.005);
     let mut bench = Bench::new(timer, pwm_hz, random.random());
     bench.window_s = longest_s * random.random_range(0.33..1.0);
-    let case = format!("seed {seed}, {:.3} Hz, mean over {:.5} s", bench.pwm_hz, bench.window_s);
-    let hz = bench.pwm_hz;
+    let (hz, window_s) = (bench.pwm_hz, bench.window_s);
+    let case = format!("seed {seed}, {timer:?}, {between:?}, {hz:.3} Hz, mean over {window_s:.5} s");
     let found = diagnosed(&bench.table(between, command, 0.0101, || 0.0), bridge);
     assert_near(
         &format!("{case}: friction"),
@@ -238,28 +234,22 @@ fn assert_told_of_means(timer: Timer, between: Between, bridge: &str, longest_s:
 /// The current of a moment is not the mean of a period. All is told all the same, and what to do.
 #[test]
 fn a_current_of_any_moment_at_490_hz() {
-    assert_told(Timer::Software, Between::Brakes, "");
-}
-
-#[test]
-fn a_current_of_any_moment_where_the_off_phase_coasts() {
-    assert_told(Timer::Software, Between::Coasts, COASTS);
-}
-
-#[test]
-fn pulses_in_the_middle_of_their_period() {
-    assert_told(Timer::PhaseCorrect, Between::Brakes, "");
-}
-
-#[test]
-fn pulses_in_the_middle_of_their_period_where_the_off_phase_coasts() {
-    assert_told(Timer::PhaseCorrect, Between::Coasts, COASTS);
+    let ways = [
+        (Timer::Software, Between::Brakes, ""),
+        (Timer::Software, Between::Coasts, COASTS),
+        (Timer::PhaseCorrect, Between::Coasts, COASTS),
+        (Timer::PhaseCorrect, Between::Brakes, ""),
+    ];
+    let seed = fresh_seed();
+    for (timer, between, bridge) in in_turn(seed, 2, ways.into_iter()) {
+        assert_told(seed, timer, between, bridge, 0.0);
+    }
 }
 
 /// Several conversions of 112 us each, over a part of a period.
 #[test]
 fn a_current_that_is_a_mean_over_a_part_of_a_period() {
-    assert_told_of_means(Timer::PhaseCorrect, Between::Brakes, "", 1.2e-3);
+    assert_told(fresh_seed(), Timer::PhaseCorrect, Between::Brakes, "", 1.2e-3);
 }
 
 /// One clock makes the rows and a fast PWM: each reading is at the same place in a period. Whichever place, and wherever the

@@ -221,6 +221,7 @@ pub const TABLE: &[Row] = &[
                 "loop.toml is an input and would be overwritten",
             ),
         ],
+        is_long: true,
         ..row("validate")
     },
     // Ends by itself. All other tests of it are in `virtual_board`.
