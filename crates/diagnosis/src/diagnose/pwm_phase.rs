@@ -70,6 +70,9 @@ fn by_duty(data: &Dataset, prior: &Prior, mean: &Fit) -> Option<Dataset> {
     if !data.is_in_step() || !data.is_one_recording() || data.origin.current_window_s > 0.0 {
         return None;
     }
+    if !may_show(data, prior, mean) {
+        return None;
+    }
     let ways = Pulse::ALL.into_iter().filter_map(|pulse| {
         let other = data.with_pwm_of(data.origin.pwm_hz, pulse);
         let way = Way::new(&other.excerpt(EXCERPT_S), prior, &mean.model, None)?;
@@ -81,6 +84,18 @@ fn by_duty(data: &Dataset, prior: &Prior, mean: &Fit) -> Option<Dataset> {
     let explains = better.cost <= (1.0 - LEAST_SHARE) * mean.cost;
     let shows = explains && evidence_nats(data, mean, &better) > least_nats(data);
     shows.then(|| of_instants(other, prior, better))
+}
+
+/// Whether a phase of rows in step may have very strong evidence, by first derivatives around the fit that reads means.
+fn may_show(data: &Dataset, prior: &Prior, mean: &Fit) -> bool {
+    let phases = (0..PHASES).map(|step| step as f64 / PHASES as f64);
+    let ways = phases.flat_map(|phase| Pulse::ALL.map(|pulse| (pulse, phase)));
+    let promised = parallel::map(ways, |(pulse, phase)| {
+        let other = data.with_pwm_of(data.origin.pwm_hz, pulse).with_pwm_phase(Some(phase));
+        mean.promised_by(data, &fit(&mean.model, &other, prior, Effort::NONE))
+    });
+    let left = mean.cost - promised.into_iter().fold(0.0, f64::max);
+    0.5 * mean.independent_residuals(data) * (mean.cost / left.max(f64::MIN_POSITIVE)).ln() > least_nats(data)
 }
 
 /// The data in the phase with which a model fits best, and the fit. A slow PWM takes a duty at once if that has very strong
@@ -356,7 +371,7 @@ impl Way {
         let groups = first.chunks(phases / PHASES).filter_map(|group| least(group.to_vec()));
         let mut first: Vec<(f64, Fit)> = groups.collect();
         first.sort_by(|a, b| a.1.cost.total_cmp(&b.1.cost));
-        first.truncate(if data.is_pwm_slow() { FITTED } else { 1 });
+        first.truncate(if near.is_some() && !data.is_pwm_slow() { 1 } else { FITTED });
         let mut best = least(parallel::map(first, |(phase, found)| in_phase(phase, &found.model, Effort::TRIAL)))?;
         for halving in 1..=HALVINGS {
             let distance = 1.0 / phases as f64 / f64::from(1 << halving);

@@ -154,6 +154,12 @@ impl Fit {
         Promise { effect: index, start, other_starts: Vec::new(), gain: if possible { gain } else { 0.0 } }
     }
 
+    /// Expected fall of the cost if what `other` reads of the same motor differently is in the data, by any factor.
+    pub fn promised_by(&self, data: &Dataset, other: &Fit) -> f64 {
+        let change: Vec<f64> = other.residual.iter().zip(&self.residual).map(|(there, here)| there - here).collect();
+        self.least_squares(data, &[change]).0
+    }
+
     fn gain_of_whole(&self, line: &[f64]) -> f64 {
         -2.0 * dot(line, &self.residual) - square(line)
     }
