@@ -282,7 +282,7 @@ pub(crate) mod pwm_phase {
     /// A ripple tells the phase to this share of a period: the winding's lag is known by nominal values alone, and a bridge may
     /// coast.
     pub const RIPPLE_TELLS: f64 = 0.25;
-    /// So many of those are fitted, far from each other.
+    /// Where no ripple tells it, or the PWM is slow, so many phases are fitted, far from each other.
     pub const FITTED: usize = 4;
     pub const HALVINGS: i32 = 4;
     /// The low-pass in front of a conversion that is tried first, in periods.

@@ -67,10 +67,8 @@ fn of_instants(data: Dataset, prior: &Prior, found: Fit) -> Dataset {
 /// very strong evidence beside the effects that were found. What such rows see of the ripple depends on the duty alone, as what
 /// an effect lacks does. `mean` reads means over a period.
 fn by_duty(data: &Dataset, prior: &Prior, mean: &Fit) -> Option<Dataset> {
-    if !data.is_in_step() || !data.is_one_recording() || data.origin.current_window_s > 0.0 {
-        return None;
-    }
-    if !may_show(data, prior, mean) {
+    let is_asked_for = data.is_in_step() && data.is_one_recording() && data.origin.current_window_s <= 0.0;
+    if !is_asked_for || !a_phase_may_show(data, prior, mean) {
         return None;
     }
     let ways = Pulse::ALL.into_iter().filter_map(|pulse| {
@@ -87,7 +85,7 @@ fn by_duty(data: &Dataset, prior: &Prior, mean: &Fit) -> Option<Dataset> {
 }
 
 /// Whether a phase of rows in step may have very strong evidence, by first derivatives around the fit that reads means.
-fn may_show(data: &Dataset, prior: &Prior, mean: &Fit) -> bool {
+fn a_phase_may_show(data: &Dataset, prior: &Prior, mean: &Fit) -> bool {
     let phases = (0..PHASES).map(|step| step as f64 / PHASES as f64);
     let ways = phases.flat_map(|phase| Pulse::ALL.map(|pulse| (pulse, phase)));
     let promised = parallel::map(ways, |(pulse, phase)| {
