@@ -43,7 +43,7 @@ pub(crate) mod causes {
     /// The smallest usual bridge of transistors, an L293D: 1.9 V with hardly any current, and up to 3.6 V at 0.6 A (data sheet
     /// SLRS008, 6.5).
     pub const LEAST_RATING_A: f64 = 0.6;
-    /// An inductance is visible if its electrical time constant is at least this share of the time between rows.
+    /// An inductance or a lag is visible if its time constant is at least this share of the time between rows.
     pub const LEAST_ROWS: f64 = 0.3;
 }
 

@@ -32,7 +32,7 @@ pub(super) fn of_unnamed(model: &Model, named: &[Standing]) -> Option<String> {
     let unnamed: Vec<&str> = unnamed.collect();
     (!unnamed.is_empty()).then(|| {
         format!(
-            "The constants allow for what explains too little to be named beside the rest: {}. A model without it would bend them.",
+            "The constants allow for what explains too little to be named: {}. A model without it would bend them.",
             unnamed.join(", ")
         )
     })

@@ -151,6 +151,16 @@ pub(super) fn is_between_rows(effect: &str, data: &Dataset, motor: &MotorParamet
     effect == INDUCTANCE && TimeConstants::of(motor).electromagnetic_s < LEAST_ROWS * data.interval_s
 }
 
+/// Whether an effect is a lag of a sensor that settles between two rows. No row says within it when it was read.
+pub(super) fn settles_between_rows(id: &str, data: &Dataset, model: &Model) -> bool {
+    let is_short = |late_s: f64| (f64::MIN_POSITIVE..LEAST_ROWS * data.interval_s).contains(&late_s);
+    let late_s = |term: &Term| {
+        let effect = term.effect;
+        effect.current_late_s(&term.values).max(effect.speed_late_s(&term.values))
+    };
+    model.term(id).is_some_and(|term| term.effect.about().sensor.is_some() && is_short(late_s(term)))
+}
+
 /// By how much an effect changes the lateness of the commands over the recording.
 fn grown_s(term: &Term, data: &Dataset) -> f64 {
     term.effect.delay_growth(&term.values).abs() * data.span_s()

@@ -2,7 +2,7 @@
 //! where the rig file does not give it. Such a reading is late by half of that time, which is not a lag of the sensor.
 
 use super::another_part::is_explained;
-use super::judge::{AS_GOOD, NOT_NOISE, VERY_STRONG_NATS, above_floor, evidence_nats, motion_above_floor};
+use super::judge::{NOT_NOISE, VERY_STRONG_NATS, above_floor, evidence_nats, explains_as_much, motion_above_floor};
 use crate::configuration::diagnose::current_window::{
     CLOSER, EXCESSIVE_INDUCTANCE, LATEST_S, LEAST_BESIDE, LEAST_GAIN, LOOKED_AT_S,
 };
@@ -10,11 +10,11 @@ use crate::dataset::Dataset;
 use crate::identify::{Effort, Fit, Prior, fit, scales};
 use crate::parallel;
 use motorbench_data::rig::Readings;
-use motorbench_model::catalogue::effect;
+use motorbench_model::catalogue::{ACTUATION_DELAY, effect};
 use motorbench_model::{Model, Term};
 
-/// Identifier of the lag of a current, which resembles a window.
-const CURRENT_LAG: &str = "current_lag";
+/// What makes a current late as a window does: a lag of its sensor, and a command that acts late.
+const LATE_CURRENT: [&str; 2] = ["current_lag", ACTUATION_DELAY];
 
 /// Sets the window beside which a model explains everything, if there is one and the model lacks nothing of the motion.
 pub(super) fn settle_at_first(data: &mut Dataset, prior: &Prior, found: &Fit) {
@@ -27,7 +27,7 @@ pub(super) fn settle_at_first(data: &mut Dataset, prior: &Prior, found: &Fit) {
     }
 }
 
-/// Whether a window that was set first has very strong evidence beside the effects that were found with it, and no lag
+/// Whether a window that was set first has very strong evidence beside the effects that were found with it, and no lag or delay
 /// explains more.
 pub(super) fn is_needed(data: &Dataset, prior: &Prior, found: &Fit) -> bool {
     if data.origin.current_window_s == 0.0 || !is_open(data) {
@@ -39,10 +39,17 @@ pub(super) fn is_needed(data: &Dataset, prior: &Prior, found: &Fit) -> bool {
     if evidence_nats(data, &without, found) <= least_nats {
         return false;
     }
-    let lag = effect(CURRENT_LAG).filter(|lag| !found.model.has(lag.about().id));
-    let lagging = lag.map(|lag| found.model.with_start(lag, &scales(&found.model.motor, data)));
-    let lagging = lagging.map(|model| fit(&model, &at_once, prior, Effort::AGAIN));
-    lagging.is_none_or(|lagging| found.cost <= AS_GOOD * lagging.cost)
+    explains_as_much_as_lateness(data, prior, found)
+}
+
+/// Whether no lag and no delay explains more than the window beside which a model was found.
+fn explains_as_much_as_lateness(data: &Dataset, prior: &Prior, found: &Fit) -> bool {
+    let at_once = with_window(data, 0.0);
+    let scales = scales(&found.model.motor, data);
+    let late = LATE_CURRENT.iter().filter(|id| !found.model.has(id)).filter_map(|id| effect(id));
+    let models = late.map(|effect| found.model.with_start(effect, &scales));
+    let late = parallel::map(models, |model| fit(&model, &at_once, prior, Effort::AGAIN));
+    late.iter().all(|late| explains_as_much(data, found, late))
 }
 
 /// Sets the window if it explains a lag, a rest, or an excessive inductance. Returns whether it did.
@@ -78,15 +85,17 @@ fn likelier_s(data: &Dataset, prior: &Prior, found: &Fit) -> Option<f64> {
     }
     let model = late.iter().fold(found.model.clone(), |model, id| model.without(id));
     let (window_s, best) = best_window(data, prior, &model)?;
+    let again = |best: &Fit| fit(&best.model, &with_window(data, window_s), prior, Effort::AGAIN);
     let explains = match (is_late, has_rest) {
-        (true, _) => best.cost <= AS_GOOD * found.cost,
+        (true, _) => explains_as_much(data, &again(&best), found),
         (false, true) => {
             let still_has_rest = above_floor(data, &best) > NOT_NOISE;
             best.cost <= if still_has_rest { LEAST_BESIDE } else { LEAST_GAIN } * found.cost
         }
         (false, false) => best.cost <= found.cost && !is_excessive(prior, &best),
     };
-    explains.then_some(window_s)
+    let is_likeliest = || is_late || explains_as_much_as_lateness(&with_window(data, window_s), prior, &again(&best));
+    (explains && is_likeliest()).then_some(window_s)
 }
 
 /// The likeliest window, and the model fitted beside it.

@@ -16,7 +16,8 @@ use super::{
 use crate::configuration::diagnose::interpretation::BEYOND_DOUBT_SIGMAS;
 use crate::dataset::Dataset;
 use crate::identify::{Effort, Fit, Interval, Prior, fit, has_unknown_torque_scale};
-use motorbench_model::catalogue::{About, USUAL};
+use motorbench_model::catalogue::{ACTUATION_DELAY, About, USUAL, effect};
+use motorbench_model::linear::motor_model::TimeConstants;
 use motorbench_model::{Model, Term};
 use std::cmp::Ordering;
 
@@ -95,6 +96,25 @@ impl Interpretation {
         self.last = refit(&with.model, &self.data.with_nothing_held_out());
         self.selection.last = with;
         self
+    }
+
+    /// With a delay of the commands that the rig file does not state, where it has very strong evidence and explains too little to
+    /// be named. Without it, it would be inductance.
+    pub(super) fn with_unstated_delay(self, prior: &Prior) -> Self {
+        let (data, last) = (&self.data, &self.selection.last);
+        let is_open = data.origin.timing.command_delay_s.is_none() && !excluded(data).contains(&ACTUATION_DELAY);
+        let is_known = last.model.has(ACTUATION_DELAY) || data.has_moments() || !data.axis.drive.is_voltage();
+        let Some(delay) = effect(ACTUATION_DELAY).filter(|_| is_open && !is_known) else { return self };
+        // A quarter of the winding's time constant is late in its place, so that the response stays nearly the same.
+        let delay_s = 0.25 * TimeConstants::of(&last.model.motor).electromagnetic_s;
+        let mut late = last.model.with(delay, vec![delay_s]);
+        late.motor.inductance_h -= delay_s * late.motor.resistance_ohm;
+        let late = fit(&late, data, prior, Effort::FULL);
+        if judge::explains_as_much(data, last, &late) || judge::held_out_nats(data, last, &late) < 0.0 {
+            return self;
+        }
+        let on_everything = fit(&late.model, &data.with_nothing_held_out(), prior, Effort::FULL);
+        Self { selection: Selection { last: late, ..self.selection }, last: on_everything, ..self }
     }
 
     /// With the prior weighed beside what remains without a name: a constant that the data hardly show is then near its nominal

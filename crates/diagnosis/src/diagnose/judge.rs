@@ -117,6 +117,11 @@ pub(super) fn evidence_nats(data: &Dataset, before: &Fit, after: &Fit) -> f64 {
     0.5 * independent * (before.cost / after.cost).ln() - 0.5 * further * independent.ln()
 }
 
+/// Whether a model explains as much as another: no very strong evidence speaks for that one.
+pub(super) fn explains_as_much(data: &Dataset, fit: &Fit, than: &Fit) -> bool {
+    evidence_nats(data, fit, than) < VERY_STRONG_NATS
+}
+
 /// Log-likelihood that one reading of each held-out quantity gains from `before` to `after`, in natural units.
 pub(super) fn held_out_nats(data: &Dataset, before: &Fit, after: &Fit) -> f64 {
     let error = |fit: &Fit, output: usize| rmse(data, &fit.prediction, output).max(f64::MIN_POSITIVE);

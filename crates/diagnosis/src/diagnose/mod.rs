@@ -48,8 +48,8 @@ use crate::identify::{
     Fit, Interval, Prior, Uncertainty, Z95, has_unknown_voltage_scale, lateness_s, uniform_deviation,
 };
 use causes::{
-    bridge_ohm, cause, is_between_rows, is_of_the_reading, parameters, stays_within_a_row, waits_for_the_pwm,
-    wrong_values,
+    bridge_ohm, cause, is_between_rows, is_of_the_reading, parameters, settles_between_rows, stays_within_a_row,
+    waits_for_the_pwm, wrong_values,
 };
 use determined::AllDetermined;
 use hidden_drop::HiddenDrop;
@@ -58,7 +58,7 @@ use judge::{NOT_NOISE, above_floor};
 use motorbench_data::recording::Recording;
 use motorbench_data::rig::Rig;
 use motorbench_model::Model;
-use motorbench_model::catalogue::{ActsOn, Effect};
+use motorbench_model::catalogue::{ACTUATION_DELAY, ActsOn, Effect};
 use motorbench_model::linear::motor_model::TimeConstants;
 use motorbench_model::unit::{Quantity, Unit};
 use outcome::{Cause, Outcome, Quality, ScaleOrigin, Unexplained, Verdict};
@@ -121,7 +121,7 @@ pub fn diagnose(recordings: &[Recording], rig: &Rig, progress: select::Progress)
     }
     let (scale, interpret) = with_corrected_scale(interpret, &prior, progress);
     let Interpretation { data, selection, fullest, last, by_other_laws } =
-        interpret.with_unnamed(&prior).with_prior_weighed(&prior);
+        interpret.with_unnamed(&prior).with_unstated_delay(&prior).with_prior_weighed(&prior);
     let motion = data.motion_index();
     let fit_percent = judge::fit_percent(&data, &selection.last.prediction, motion);
     if fit_percent < LEAST_FIT_PERCENT && above_floor(&data, &selection.last) < NOT_NOISE {
@@ -209,8 +209,9 @@ impl<'a> Found<'a> {
 /// How the data were corrected before the fit, and what they leave open.
 #[derive(Clone, Copy, Default)]
 struct Corrections {
-    /// Relative uncertainty of the inductance where the moments of current samples or commands are unknown.
-    timing_uncertainty: f64,
+    /// Relative uncertainty of the inductance where the moments of current samples or commands are unknown: towards less, and
+    /// towards more.
+    timing_uncertainty: [f64; 2],
     /// Uncertainty of the supply by a drop that differs in the off phase of the PWM: standard deviation of the logarithm.
     off_phase_spread: f64,
     losses: Option<RandomLosses>,
@@ -225,10 +226,11 @@ impl Corrections {
         let of_scale = self.scale.map_or(0.0, |scale| scale.uncertainty(unit));
         let of_drop = self.hidden_drop.map_or(0.0, |drop| drop.uncertainty(unit));
         // The winding's is the only inductance.
-        let of_reading = if unit == Unit::Henry { self.timing_uncertainty } else { 0.0 };
+        let of_reading = if unit == Unit::Henry { self.timing_uncertainty } else { [0.0; 2] };
         let of_off_phase = Quantity::Voltage.power(unit).abs() * self.off_phase_spread;
-        let besides = Z95 * of_losses.hypot(of_scale).hypot(of_drop).hypot(of_off_phase).hypot(of_reading) * value;
-        let [low, high] = [value - (value - ci95[0]).hypot(besides), value + (ci95[1] - value).hypot(besides)];
+        let both_ways = of_losses.hypot(of_scale).hypot(of_drop).hypot(of_off_phase);
+        let [less, more] = of_reading.map(|of_reading| Z95 * both_ways.hypot(of_reading) * value);
+        let [low, high] = [value - (value - ci95[0]).hypot(less), value + (ci95[1] - value).hypot(more)];
         // The interval of a constant without a sign ends at zero.
         if ci95[0] >= 0.0 { [low.max(0.0), high] } else { [low, high] }
     }
@@ -244,11 +246,12 @@ fn off_phase_spread(data: &Dataset, model: &Model) -> f64 {
 }
 
 /// Relative uncertainty of the inductance if the current is sampled anywhere in a PWM period, or if the command acts
-/// anywhere in the first half of its row: an unknown delay acts as more inductance. Without a current, the speed alone shows
-/// the inductance, and may be read anywhere in its row.
-fn timing_uncertainty(data: &Dataset, model: &Model) -> f64 {
+/// anywhere in the first half of its row: an unknown delay acts as more inductance. The winding has less then, by the whole
+/// of that time at most, and never more. Without a current, the speed alone shows the inductance, and may be read anywhere in
+/// its row.
+fn timing_uncertainty(data: &Dataset, model: &Model) -> [f64; 2] {
     if data.current().is_none() {
-        return lateness_s(data) / TimeConstants::of(&model.motor).electromagnetic_s;
+        return [lateness_s(data) / TimeConstants::of(&model.motor).electromagnetic_s; 2];
     }
     let timing = &data.origin.timing;
     let period_s = (1.0 / data.origin.pwm_hz).min(data.interval_s);
@@ -264,10 +267,11 @@ fn timing_uncertainty(data: &Dataset, model: &Model) -> f64 {
     };
     // The slope of a ripple shows the inductance, whenever the commands act.
     let shows_slopes = data.is_switched() && data.reads_instants();
-    let is_delay_known = timing.command_delay_s.is_some() || shows_slopes;
+    let is_delay_known = timing.command_delay_s.is_some() || shows_slopes || model.has(ACTUATION_DELAY);
     let command_s = if is_delay_known { 0.0 } else { 0.5 * data.interval_s };
-    let lateness_s = uniform_deviation(sampling_s.hypot(command_s).hypot(waiting_s));
-    lateness_s / TimeConstants::of(&model.motor).electromagnetic_s
+    let both_ways_s = uniform_deviation(sampling_s.hypot(waiting_s));
+    let lateness_s = [both_ways_s.hypot(command_s / Z95), both_ways_s];
+    lateness_s.map(|lateness_s| lateness_s / TimeConstants::of(&model.motor).electromagnetic_s)
 }
 
 /// Measured minus simulated, per quantity.
@@ -300,6 +304,7 @@ impl Outcome {
         let drifts = |cause: &Cause| cause.effect == CLOCK_DRIFT && stays_within_a_row(CLOCK_DRIFT, data, model);
         let drifts = causes.iter().any(drifts);
         causes.retain(|cause| !stays_within_a_row(&cause.effect, data, model));
+        causes.retain(|cause| !settles_between_rows(&cause.effect, data, model));
         let named = causes.len();
         causes.retain(|cause| !waits_for_the_pwm(&cause.effect, data, model));
         let waits = causes.len() < named;

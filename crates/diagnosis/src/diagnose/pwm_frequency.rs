@@ -1,7 +1,7 @@
 //! Estimates the frequency of the PWM, where the rig file does not give it. It shows where a drop or diodes stop the
 //! current within a period. Another inductance has a similar effect there.
 
-use super::judge::{AS_GOOD, NOT_NOISE, above_floor};
+use super::judge::{AS_GOOD, NOT_NOISE, above_floor, explains_as_much};
 use crate::configuration::diagnose::pwm_frequency::{LEAST_LOG_LIKELIHOOD_GAIN, NEARER, SHOWS, USUAL_HZ};
 use crate::dataset::Dataset;
 use crate::identify::{Effort, Fit, Prior, fit, scales};
@@ -65,7 +65,7 @@ fn in_place_of_a_lag(data: &Dataset, prior: &Prior, found: &Fit) -> Option<Datas
         (other, found)
     });
     let (other, best) = fits.into_iter().min_by(|a, b| a.1.cost.total_cmp(&b.1.cost))?;
-    (best.cost <= AS_GOOD * found.cost).then_some(other)
+    explains_as_much(&other, &best, found).then_some(other)
 }
 
 /// A model without its lag of the current, if it has one.

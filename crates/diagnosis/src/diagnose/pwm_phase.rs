@@ -2,7 +2,7 @@
 //! recording. It shows where each current is sampled at one instant: the ripple gives frequency and phase. Where the PWM is
 //! slow, the phase also shows in when a command begins to act.
 
-use super::judge::{AS_GOOD, VERY_STRONG_NATS, evidence_nats};
+use super::judge::{AS_GOOD, VERY_STRONG_NATS, evidence_nats, explains_as_much};
 use super::pwm_frequency::{with_usual_bridges, without_lag_of_current};
 use super::pwm_ripple::ripples;
 use super::select::{LEAST_SHARE, NEAR};
@@ -173,7 +173,7 @@ fn taken_otherwise(data: &Dataset, prior: &Prior, model: &Model) -> Option<(Data
 /// small a winding, and a lag in place of the rest.
 fn taken_in_place_of_a_lag(data: &Dataset, prior: &Prior, found: &Fit) -> Option<(Dataset, Fit)> {
     let prompt = without_lag_of_current(&found.model)?;
-    taken_otherwise(data, prior, &prompt).filter(|(_, other)| other.cost <= AS_GOOD * found.cost)
+    taken_otherwise(data, prior, &prompt).filter(|(data, other)| explains_as_much(data, other, found))
 }
 
 /// The data with the phase and the frequency nearby with which a model fits best, and its fit. A low-pass in front of the

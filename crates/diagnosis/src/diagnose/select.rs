@@ -12,7 +12,7 @@ use crate::configuration::diagnose::select::{HALF_SUPPLY, LEAST_SIGMAS, MOST_EFF
 pub(super) use crate::configuration::diagnose::select::{LEAST_SHARE, NEAR, SMALL_REST};
 use crate::dataset::Dataset;
 use crate::free_run::{Steps, drive, longest_step_s, read};
-use crate::identify::{Effort, Fit, Fits, LEAST_PROMISE, Prior, Promise, scales};
+use crate::identify::{Effort, Fit, Fits, LEAST_PROMISE, Prior, Promise, Promises, scales};
 use crate::parallel;
 pub(super) use backward::NAMED_SIGMAS;
 use forward::Lead;
@@ -323,10 +323,10 @@ impl Chooser<'_> {
         CATALOGUE.iter().copied().filter(|effect| !self.excluded.contains(&effect.about().id))
     }
 
-    fn promises(&self, from: &Fit) -> Vec<Promise> {
+    fn promises(&self, from: &Fit) -> Promises {
         let scales = scales(&from.model.motor, self.data);
         let mut promises = from.promises(&self.fits.replay, &scales, self.excluded);
-        promises.retain(|promise| promise.gain > LEAST_PROMISE);
+        promises.alone.retain(|promise| promise.gain > LEAST_PROMISE);
         promises
     }
 

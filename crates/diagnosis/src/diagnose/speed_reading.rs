@@ -2,7 +2,7 @@
 //! or a speed timed by edges in one of two ways. A mean is late by half its length, which is not a delay of the bridge.
 
 use super::channels::excluded;
-use super::judge::{AS_GOOD, NOT_NOISE, above_floor};
+use super::judge::{AS_GOOD, NOT_NOISE, above_floor, explains_as_much};
 use super::select::usual_model;
 use crate::configuration::diagnose::speed_reading::{LEAST_GAIN, WINDOW_STEPS, WINDOWS};
 use crate::dataset::{Averaged, Dataset};
@@ -22,8 +22,11 @@ pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {
     }
     let Some(other) = data.with_other_speed_reading() else { return false };
     let model = late.map_or_else(|| found.model.clone(), |id| found.model.without(id));
-    let cost = fit(&model, &other, prior, Effort::TRIAL).cost;
-    let explains = cost <= if late.is_some() { AS_GOOD } else { LEAST_GAIN } * found.cost;
+    let read_otherwise = fit(&model, &other, prior, Effort::AGAIN);
+    let explains = match late.is_some() {
+        true => explains_as_much(&other, &read_otherwise, found),
+        false => read_otherwise.cost <= LEAST_GAIN * found.cost,
+    };
     if explains {
         *data = other;
     }

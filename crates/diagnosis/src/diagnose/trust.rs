@@ -13,7 +13,7 @@ use std::ops::Range;
 
 /// Removes effects that explain too little beside the rest ([`Rest::outweighs`]): while something large is unknown,
 /// small effects cannot be trusted. Beside a rest below the threshold, an effect stays if the rest would exceed the
-/// threshold without it. A usual effect stays as well if the motor would be unlike the rig file's without it: that it is there
+/// threshold without it. A model that tells nothing of the motion names no effect. A usual effect stays as well if the motor would be unlike the rig file's without it: that it is there
 /// is likelier than such a motor.
 pub(super) fn remove_untrusted(data: &Dataset, prior: &Prior, selection: &mut Selection) {
     while let Some(rest) = Rest::of(data, &selection.last) {
@@ -21,9 +21,9 @@ pub(super) fn remove_untrusted(data: &Dataset, prior: &Prior, selection: &mut Se
         let without = |index: usize| {
             let mut without = selection.clone();
             remove_effect(data, prior, &mut without, index);
-            let is_usual = USUAL.contains(&selection.standings[index].id);
+            let may_stay = rest.tells_motion && USUAL.contains(&selection.standings[index].id);
             let is_allowed = rest.is_missing || above_floor(data, &without.last) < NOT_NOISE;
-            (is_allowed && !(is_usual && keeps_the_motor(data, prior, selection, &without))).then_some(without)
+            (is_allowed && !(may_stay && keeps_the_motor(data, prior, selection, &without))).then_some(without)
         };
         let Some(without) = weak.find_map(without) else { return };
         *selection = without;
@@ -51,6 +51,8 @@ pub(super) fn remove_effect(data: &Dataset, prior: &Prior, selection: &mut Selec
 struct Rest {
     /// Whether it exceeds the threshold, so that an effect is missing.
     is_missing: bool,
+    /// Whether the model tells more of the motion than that it has a mean. One whose shaft stands still does not.
+    tells_motion: bool,
     /// Squares of the weights of the quantities.
     units: Vec<f64>,
     /// Weighted sum over all quantities.
@@ -72,11 +74,15 @@ impl Rest {
         let unit = |output: usize| if is_missing { tolerated(output) } else { floors[output] };
         let units: Vec<f64> = outputs.clone().map(|output| unit(output).powi(2)).collect();
         let weight = outputs.map(|output| (left[output].powi(2) - floors[output].powi(2)) / units[output]).sum();
-        Some(Self { is_missing, units, weight })
+        let tells_motion = judge::fit_percent(data, &fit.prediction, data.motion_index()) > 0.0;
+        Some(Self { is_missing, tells_motion, units, weight })
     }
 
     /// Whether an effect explains too little beside this rest.
     fn outweighs(&self, standing: &Standing) -> bool {
+        if self.is_missing && !self.tells_motion {
+            return true;
+        }
         let explained = standing.gain.rmse.iter().zip(&self.units);
         let own: f64 = explained.map(|((before, after), unit)| (before.powi(2) - after.powi(2)) / unit).sum();
         let least = match self.is_missing {

@@ -3,11 +3,13 @@
 use super::sensitivities::{Base, Sensitivities};
 use super::{Fit, dot, square};
 pub use crate::configuration::identify::promises::LEAST_PROMISE;
-use crate::configuration::identify::promises::{MOST_NEIGHBOURS, REFINED, REFINEMENTS, SCREENED, WORTH_A_WALK};
+use crate::configuration::identify::promises::{
+    MORE_TOGETHER, MOST_NEIGHBOURS, REFINED, REFINEMENTS, SCREENED, WORTH_A_WALK,
+};
 use crate::dataset::Dataset;
 use crate::free_run::{Replay, Steps};
 use crate::parallel;
-use motorbench_model::catalogue::{Alone, CATALOGUE, Effect, Scales};
+use motorbench_model::catalogue::{Alone, CATALOGUE, Effect, Scales, USUAL};
 use nalgebra::{DMatrix, DVector};
 
 /// Expected gain of adding an effect, from the first derivatives alone.
@@ -21,12 +23,51 @@ pub struct Promise {
     pub other_starts: Vec<Vec<f64>>,
     /// Expected fall of the cost.
     pub gain: f64,
+    directions: Directions,
 }
 
 impl Promise {
     /// Its best start belongs to another effect.
     fn improve(&mut self, better: Self) {
-        (self.start, self.gain) = (better.start, better.gain);
+        (self.start, self.gain, self.directions) = (better.start, better.gain, better.directions);
+    }
+}
+
+/// What the effects outside a model promise.
+pub struct Promises {
+    /// Each alone, the best first.
+    pub alone: Vec<Promise>,
+    /// Two that promise much more together than alone, and more than any other.
+    pub together: Option<[Promise; 2]>,
+}
+
+/// The directions in which an effect may move the residual, if its constants have these values.
+#[derive(Clone, Debug)]
+struct Directions {
+    effect: usize,
+    values: Vec<f64>,
+    lines: Vec<Vec<f64>>,
+}
+
+impl Directions {
+    /// Whether an effect can have these multiples of the values. The derivative at zero of an effect without a sign does not
+    /// hold for negative values.
+    fn allow(&self, factors: &[f64]) -> bool {
+        let about = CATALOGUE[self.effect].about();
+        about.linear_in == 2 || factors[0] > 0.0 || self.are_signed() && about.linear_in == 1
+    }
+
+    fn are_signed(&self) -> bool {
+        CATALOGUE[self.effect].about().parameters[0].min < 0.0
+    }
+
+    fn scaled(&self, factors: &[f64]) -> Vec<f64> {
+        let mut start = self.values.clone();
+        for (value, factor) in start.iter_mut().zip(factors).take(CATALOGUE[self.effect].about().linear_in) {
+            let magnitude = factor.abs().clamp(0.05, 10.0);
+            *value *= magnitude * if self.are_signed() { factor.signum() } else { 1.0 };
+        }
+        start
     }
 }
 
@@ -44,8 +85,8 @@ fn lines(effect: &dyn Effect, start: &[f64], change: impl Fn(Vec<f64>) -> Vec<f6
 }
 
 impl Fit {
-    /// Expected gain of each effect outside the model (score test; Rao 1948), with its best start, best first.
-    pub fn promises(&self, replay: &Replay, scales: &Scales, excluded: &[&str]) -> Vec<Promise> {
+    /// Expected gain of each effect outside the model (score test; Rao 1948), with its best start.
+    pub fn promises(&self, replay: &Replay, scales: &Scales, excluded: &[&str]) -> Promises {
         let fine = self.weighted_residual(replay.data);
         let base = Base::new(&self.model, replay, Steps::Coarse, &fine);
         // Computed before the threads start: otherwise they would wait for each other.
@@ -73,11 +114,38 @@ impl Fit {
                 }
             }
         }
+        let together = self.promising_together(replay.data, &best);
         best.truncate(REFINED);
         let least = LEAST_PROMISE.max(WORTH_A_WALK * best.first().map_or(0.0, |promise| promise.gain));
         let mut best: Vec<Promise> = parallel::map(best, |promise| self.refined(&base, scales, promise, least));
         best.sort_by(|a, b| b.gain.total_cmp(&a.gain));
-        best
+        Promises { alone: best, together }
+    }
+
+    /// The best effect beside one of the usual ones, where that promises more than any effect alone, and much more than the two
+    /// one by one. Between a constant and a growing friction, the linear motor's viscous friction leaves hardly a trace of either.
+    fn promising_together(&self, data: &Dataset, alone: &[Promise]) -> Option<[Promise; 2]> {
+        let is_linear = |promise: &&Promise| CATALOGUE[promise.effect].about().linear_in > 0;
+        let usual = alone.iter().filter(is_linear).filter(|one| USUAL.contains(&CATALOGUE[one.effect].about().id));
+        let pairs = usual.flat_map(|one| {
+            let others = alone.iter().filter(is_linear).filter(|other| other.effect != one.effect);
+            others.filter_map(|other| self.together(data, one, other))
+        });
+        let best = pairs.max_by(|a, b| a[0].gain.total_cmp(&b[0].gain))?;
+        let best_alone = alone.first().map_or(0.0, |promise| promise.gain);
+        (best[0].gain > best_alone.max(LEAST_PROMISE)).then_some(best)
+    }
+
+    /// Two effects that promise much more together; each with the gain of both.
+    fn together(&self, data: &Dataset, one: &Promise, other: &Promise) -> Option<[Promise; 2]> {
+        let lines = [&one.directions.lines[..], &other.directions.lines].concat();
+        let (gain, factors) = self.least_squares(data, &lines);
+        let (of_one, of_other) = factors.split_at(one.directions.lines.len());
+        let is_possible = one.directions.allow(of_one) && other.directions.allow(of_other);
+        let started =
+            |of: &Promise, factors: &[f64]| Promise { start: of.directions.scaled(factors), gain, ..of.clone() };
+        (is_possible && gain > MORE_TOGETHER * (one.gain + other.gain))
+            .then(|| [started(one, of_one), started(other, of_other)])
     }
 
     /// The starts of an effect that are worth a simulation.
@@ -134,24 +202,17 @@ impl Fit {
 
     fn promise(&self, base: &Base, index: usize, start: Vec<f64>) -> Promise {
         let effect = CATALOGUE[index];
-        let about = effect.about();
         let change = |values| base.change(&self.model.with(effect, values), effect.changes_motion());
         let lines = lines(effect, &start, change);
         let (gain, factors) = self.least_squares(base.replay.data, &lines);
-        // The derivative at zero of an effect without a sign does not hold for negative values.
-        let signed = about.parameters[0].min < 0.0;
-        let possible = about.linear_in == 2 || factors[0] > 0.0 || signed && about.linear_in == 1;
-        let mut start = start;
-        for (value, factor) in start.iter_mut().zip(&factors).take(about.linear_in) {
-            let magnitude = factor.abs().clamp(0.05, 10.0);
-            *value *= magnitude * if signed { factor.signum() } else { 1.0 };
-        }
         // If the effect is not linear, the whole step is evaluated, not the best multiple of it.
-        let gain = match about.linear_in {
+        let gain = match effect.about().linear_in {
             0 => gain.min(self.gain_of_whole(&lines[0]).max(0.25 * gain)),
             _ => gain,
         };
-        Promise { effect: index, start, other_starts: Vec::new(), gain: if possible { gain } else { 0.0 } }
+        let directions = Directions { effect: index, values: start, lines };
+        let gain = if directions.allow(&factors) { gain } else { 0.0 };
+        Promise { effect: index, start: directions.scaled(&factors), other_starts: Vec::new(), gain, directions }
     }
 
     /// Expected fall of the cost if what `other` reads of the same motor differently is in the data, by any factor.

@@ -3,6 +3,7 @@
 mod axis;
 mod benches;
 mod determined;
+mod fan;
 mod fresh_draw;
 mod hidden_effects;
 mod hosts_and_bridges;

@@ -264,10 +264,9 @@ impl Chooser<'_> {
         if rival.cost < current.cost && over.sigmas > SAME_SIGMAS && over.share > SAME_SHARE {
             return true;
         }
-        let under = self.gain(rival, current);
         let term = current.model.term(id).expect("one of its own terms");
         let rival_term = rival.model.terms.last().expect("it was added to the model");
-        is_same(&under)
+        !self.is_worse(rival, current)
             && (rival_term.moving() < term.moving()
                 || term.effect.yields_to(&term.values, rival_id, &current.model.terms)
                 || self.replaces_two(rival, rival_id))
@@ -287,7 +286,7 @@ impl Chooser<'_> {
     /// Fits with other effects in place of `id`: those that promise most without it, and those that can look like it.
     fn rivals(&self, current: &Fit, without: &Fit, id: &str) -> Vec<(&'static str, Fit)> {
         let gained = without.cost - current.cost;
-        let mut promises = self.promises(without);
+        let mut promises = self.promises(without).alone;
         promises.retain(|promise| CATALOGUE[promise.effect].about().id != id);
         promises.truncate(RIVALS);
         let best = promises.first().map_or(0.0, |promise| promise.gain);

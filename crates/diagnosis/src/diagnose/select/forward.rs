@@ -7,7 +7,7 @@ use crate::configuration::diagnose::select_forward::{
     TRIED_SHARE,
 };
 use crate::diagnose::judge::{NOT_NOISE, above_floor, above_noise, evidence_nats};
-use crate::identify::{Effort, Fit, scales};
+use crate::identify::{Effort, Fit, Promise, Promises, scales};
 use crate::parallel;
 use motorbench_model::catalogue::{ActsOn, Alone, CATALOGUE, Effect, Scales, USUAL};
 use motorbench_model::unit::Quantity;
@@ -68,7 +68,7 @@ impl Chooser<'_> {
 
     /// Fits with one more effect, of the most promising ones, the best first.
     fn candidates(&self, current: &Fit, lead: Lead, is_first: bool) -> Vec<Fit> {
-        let mut promises = self.promises(current);
+        let Promises { alone: mut promises, together } = self.promises(current);
         let best = promises.first().map_or(0.0, |promise| promise.gain);
         let nearly = promises.iter().take_while(|promise| promise.gain > NEARLY_AS_PROMISING * best).count();
         // Beside a refined law, what shows only together promises little: the law's constants move with it.
@@ -77,8 +77,13 @@ impl Chooser<'_> {
         }
         promises.retain(|promise| promise.gain > TRIED_SHARE * best);
         (self.progress)(&format!("{} effects, trying {}", current.model.terms.len(), promises.len()));
-        let tried = self.try_all(current, &promises, Effort::TRIAL.useless_above(current.cost));
+        let effort = Effort::TRIAL.useless_above(current.cost);
+        let tried = self.try_all(current, &promises, effort);
         let mut fits: Vec<Fit> = tried.into_iter().map(|(_, fit)| fit).collect();
+        fits.extend(together.map(|pair| {
+            let with = |model: Model, Promise { effect, start, .. }| model.with(CATALOGUE[effect], start);
+            self.fits.fit_near(current, &pair.into_iter().fold(current.model.clone(), with), effort)
+        }));
         if is_first && lead != Lead::Evidence && !promises.is_empty() {
             fits.extend(self.fresh(current));
         }
@@ -151,7 +156,7 @@ impl Chooser<'_> {
         let starts = beginnings.flat_map(|from| {
             // Of an effect with alternative laws, the one that promises most.
             let from = self.fits.fit(&from, Effort::NONE);
-            let promises = from.promises(&self.fits.replay, &scales, self.excluded);
+            let promises = from.promises(&self.fits.replay, &scales, self.excluded).alone;
             let promised = promises
                 .into_iter()
                 .map(|promise| (from.cost - promise.gain, from.model.with(CATALOGUE[promise.effect], promise.start)));
