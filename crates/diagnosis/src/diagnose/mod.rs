@@ -246,9 +246,8 @@ fn off_phase_spread(data: &Dataset, model: &Model) -> f64 {
 }
 
 /// Relative uncertainty of the inductance if the current is sampled anywhere in a PWM period, or if the command acts
-/// anywhere in the first half of its row: an unknown delay acts as more inductance. The winding has less then, by the whole
-/// of that time at most, and never more. Without a current, the speed alone shows the inductance, and may be read anywhere in
-/// its row.
+/// anywhere in the first half of its row: an unknown delay acts as more inductance, and a reading that is late as less. Without
+/// a current, the speed alone shows the inductance, and may be read anywhere in its row.
 fn timing_uncertainty(data: &Dataset, model: &Model) -> [f64; 2] {
     if data.current().is_none() {
         return [lateness_s(data) / TimeConstants::of(&model.motor).electromagnetic_s; 2];
@@ -267,11 +266,13 @@ fn timing_uncertainty(data: &Dataset, model: &Model) -> [f64; 2] {
     };
     // The slope of a ripple shows the inductance, whenever the commands act.
     let shows_slopes = data.is_switched() && data.reads_instants();
-    let is_delay_known = timing.command_delay_s.is_some() || shows_slopes || model.has(ACTUATION_DELAY);
+    let is_delay_known = timing.command_delay_s.is_some() || shows_slopes;
     let command_s = if is_delay_known { 0.0 } else { 0.5 * data.interval_s };
-    let both_ways_s = uniform_deviation(sampling_s.hypot(waiting_s));
-    let lateness_s = [both_ways_s.hypot(command_s / Z95), both_ways_s];
-    lateness_s.map(|lateness_s| lateness_s / TimeConstants::of(&model.motor).electromagnetic_s)
+    let both_ways_s = uniform_deviation(sampling_s.hypot(command_s).hypot(waiting_s));
+    // A command is never early. Without a delay in the model, the winding may have less by the whole of it.
+    let whole_s = if model.has(ACTUATION_DELAY) { 0.0 } else { command_s / Z95 };
+    [both_ways_s.max(whole_s), both_ways_s]
+        .map(|lateness_s| lateness_s / TimeConstants::of(&model.motor).electromagnetic_s)
 }
 
 /// Measured minus simulated, per quantity.

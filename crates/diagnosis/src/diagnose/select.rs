@@ -159,12 +159,13 @@ struct Chooser<'a> {
 impl Chooser<'_> {
     /// The best way from the linear fit to a model without doubts.
     fn best_way(&self, base: &Fit, first: Way) -> Way {
-        let mut way = self.way(base, first);
+        let mut way = self.way(base, first, f64::INFINITY);
         if let Some(of_any_course) = self.of_any_course(&way.0) {
             (self.progress)("without what follows any course");
             let excluded = [self.excluded, &[of_any_course]].concat();
             let without = Chooser { excluded: &excluded, ..*self };
-            way = self.better(way, without.way(base, without.first_way(base)));
+            let other = without.way(base, without.first_way(base), NEAR * way.0.cost);
+            way = self.better(way, other);
         }
         self.or_beside_nominal(way)
     }
@@ -222,8 +223,9 @@ impl Chooser<'_> {
         self.or_beside_nominal(self.forward(base.clone(), Vec::new(), Lead::Significance))
     }
 
-    /// The first way, or the best of others as well where it ends with doubts.
-    fn way(&self, base: &Fit, mut way: Way) -> Way {
+    /// The first way, or the best of others as well where it ends with doubts. Where the first two are far from this cost, no
+    /// other comes near.
+    fn way(&self, base: &Fit, mut way: Way, far: f64) -> Way {
         if !self.is_doubtful(&way.0) || bad_stretches::are_all_that_remains(self.data, self.prior, &way.0) {
             return way;
         }
@@ -232,7 +234,7 @@ impl Chooser<'_> {
         // Otherwise the rig file's motor is no good start: its values may be wrong.
         let is_no_start = usual.0.cost > way.0.cost;
         way = self.better(way, usual);
-        if agree {
+        if agree || way.0.cost > far {
             return way;
         }
         if is_no_start && self.is_doubtful(&way.0) {

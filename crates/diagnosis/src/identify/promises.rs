@@ -2,7 +2,7 @@
 
 use super::sensitivities::{Base, Sensitivities};
 use super::{Fit, dot, square};
-pub use crate::configuration::identify::promises::LEAST_PROMISE;
+pub use crate::configuration::identify::promises::{LEAST_PROMISE, NEARLY_AS_PROMISING};
 use crate::configuration::identify::promises::{
     MORE_TOGETHER, MOST_NEIGHBOURS, REFINED, REFINEMENTS, SCREENED, WORTH_A_WALK,
 };
@@ -37,7 +37,7 @@ impl Promise {
 pub struct Promises {
     /// Each alone, the best first.
     pub alone: Vec<Promise>,
-    /// Two that promise much more together than alone, and more than any other.
+    /// Two that promise much more together than alone, and nearly as much as the best alone.
     pub together: Option<[Promise; 2]>,
 }
 
@@ -122,8 +122,8 @@ impl Fit {
         Promises { alone: best, together }
     }
 
-    /// The best effect beside one of the usual ones, where that promises more than any effect alone, and much more than the two
-    /// one by one. Between a constant and a growing friction, the linear motor's viscous friction leaves hardly a trace of either.
+    /// The best effect beside one of the usual ones, where that promises nearly as much as the best alone, and much more than
+    /// the two one by one. Between a constant and a growing friction, the linear motor's viscous friction leaves hardly a trace of either.
     fn promising_together(&self, data: &Dataset, alone: &[Promise]) -> Option<[Promise; 2]> {
         let is_linear = |promise: &&Promise| CATALOGUE[promise.effect].about().linear_in > 0;
         let usual = alone.iter().filter(is_linear).filter(|one| USUAL.contains(&CATALOGUE[one.effect].about().id));
@@ -133,7 +133,7 @@ impl Fit {
         });
         let best = pairs.max_by(|a, b| a[0].gain.total_cmp(&b[0].gain))?;
         let best_alone = alone.first().map_or(0.0, |promise| promise.gain);
-        (best[0].gain > best_alone.max(LEAST_PROMISE)).then_some(best)
+        (best[0].gain > LEAST_PROMISE.max(NEARLY_AS_PROMISING * best_alone)).then_some(best)
     }
 
     /// Two effects that promise much more together; each with the gain of both.
