@@ -12,9 +12,9 @@ use motorbench_model::catalogue::{USUAL, effect};
 use std::ops::Range;
 
 /// Removes effects that explain too little beside the rest ([`Rest::outweighs`]): while something large is unknown,
-/// small effects cannot be trusted. Beside a rest below the threshold, an effect stays if the rest would exceed the
-/// threshold without it. A model that tells nothing of the motion names no effect. A usual effect stays as well if the motor would be unlike the rig file's without it: that it is there
-/// is likelier than such a motor.
+/// small effects cannot be trusted. A model that tells nothing of the motion names no effect. Beside a rest below the
+/// threshold, an effect stays if the rest would exceed the threshold without it. A usual effect stays as well if the motor
+/// would be unlike the rig file's without it: that it is there is likelier than such a motor.
 pub(super) fn remove_untrusted(data: &Dataset, prior: &Prior, selection: &mut Selection) {
     while let Some(rest) = Rest::of(data, &selection.last) {
         let mut weak = (0..selection.standings.len()).filter(|index| rest.outweighs(&selection.standings[*index]));

@@ -23,13 +23,38 @@ pub struct Promise {
     pub other_starts: Vec<Vec<f64>>,
     /// Expected fall of the cost.
     pub gain: f64,
-    directions: Directions,
+    /// The values whose multiples are in the start...
+    values: Vec<f64>,
+    /// ... and the directions in which they move the residual.
+    lines: Vec<Line>,
 }
 
 impl Promise {
     /// Its best start belongs to another effect.
     fn improve(&mut self, better: Self) {
-        (self.start, self.gain, self.directions) = (better.start, better.gain, better.directions);
+        let other_starts = std::mem::take(&mut self.other_starts);
+        *self = Self { other_starts, ..better };
+    }
+
+    /// Whether the effect can have these multiples of the values. The derivative at zero of an effect without a sign does not
+    /// hold for negative values.
+    fn allows(&self, factors: &[f64]) -> bool {
+        let about = CATALOGUE[self.effect].about();
+        about.linear_in == 2 || factors[0] > 0.0 || self.is_signed() && about.linear_in == 1
+    }
+
+    fn is_signed(&self) -> bool {
+        CATALOGUE[self.effect].about().parameters[0].min < 0.0
+    }
+
+    /// Starting values with these multiples.
+    fn scaled(&self, factors: &[f64]) -> Vec<f64> {
+        let mut start = self.values.clone();
+        for (value, factor) in start.iter_mut().zip(factors).take(CATALOGUE[self.effect].about().linear_in) {
+            let magnitude = factor.abs().clamp(0.05, 10.0);
+            *value *= magnitude * if self.is_signed() { factor.signum() } else { 1.0 };
+        }
+        start
     }
 }
 
@@ -37,38 +62,16 @@ impl Promise {
 pub struct Promises {
     /// Each alone, the best first.
     pub alone: Vec<Promise>,
-    /// Two that promise much more together than alone, and nearly as much as the best alone.
-    pub together: Option<[Promise; 2]>,
+    /// Two that promise much more together than alone, and nearly as much as the best alone: their indices in [`CATALOGUE`] and
+    /// starting values.
+    pub together: Option<[(usize, Vec<f64>); 2]>,
 }
 
-/// The directions in which an effect may move the residual, if its constants have these values.
+/// A change of the residual, with what each of the model's own constants sees of it.
 #[derive(Clone, Debug)]
-struct Directions {
-    effect: usize,
-    values: Vec<f64>,
-    lines: Vec<Vec<f64>>,
-}
-
-impl Directions {
-    /// Whether an effect can have these multiples of the values. The derivative at zero of an effect without a sign does not
-    /// hold for negative values.
-    fn allow(&self, factors: &[f64]) -> bool {
-        let about = CATALOGUE[self.effect].about();
-        about.linear_in == 2 || factors[0] > 0.0 || self.are_signed() && about.linear_in == 1
-    }
-
-    fn are_signed(&self) -> bool {
-        CATALOGUE[self.effect].about().parameters[0].min < 0.0
-    }
-
-    fn scaled(&self, factors: &[f64]) -> Vec<f64> {
-        let mut start = self.values.clone();
-        for (value, factor) in start.iter_mut().zip(factors).take(CATALOGUE[self.effect].about().linear_in) {
-            let magnitude = factor.abs().clamp(0.05, 10.0);
-            *value *= magnitude * if self.are_signed() { factor.signum() } else { 1.0 };
-        }
-        start
-    }
+struct Line {
+    change: Vec<f64>,
+    own: DVector<f64>,
 }
 
 /// The change of the residual in each direction of an effect's constants from `start`.
@@ -122,30 +125,35 @@ impl Fit {
         Promises { alone: best, together }
     }
 
-    /// The best effect beside one of the usual ones, where that promises nearly as much as the best alone, and much more than
-    /// the two one by one. Between a constant and a growing friction, the linear motor's viscous friction leaves hardly a trace of either.
-    fn promising_together(&self, data: &Dataset, alone: &[Promise]) -> Option<[Promise; 2]> {
+    /// The best effect beside one of the usual ones, where the two promise nearly as much as the best alone, and much more than
+    /// one by one. The linear motor's viscous friction lies between a constant and a growing one, and hides both.
+    fn promising_together(&self, data: &Dataset, alone: &[Promise]) -> Option<[(usize, Vec<f64>); 2]> {
+        let pull = self.line(data, self.residual.clone());
         let is_linear = |promise: &&Promise| CATALOGUE[promise.effect].about().linear_in > 0;
         let usual = alone.iter().filter(is_linear).filter(|one| USUAL.contains(&CATALOGUE[one.effect].about().id));
         let pairs = usual.flat_map(|one| {
             let others = alone.iter().filter(is_linear).filter(|other| other.effect != one.effect);
-            others.filter_map(|other| self.together(data, one, other))
+            others.filter_map(|other| self.together(data, &pull, one, other))
         });
-        let best = pairs.max_by(|a, b| a[0].gain.total_cmp(&b[0].gain))?;
+        let (gain, best) = pairs.max_by(|a, b| a.0.total_cmp(&b.0))?;
         let best_alone = alone.first().map_or(0.0, |promise| promise.gain);
-        (best[0].gain > LEAST_PROMISE.max(NEARLY_AS_PROMISING * best_alone)).then_some(best)
+        (gain > LEAST_PROMISE.max(NEARLY_AS_PROMISING * best_alone)).then_some(best)
     }
 
-    /// Two effects that promise much more together; each with the gain of both.
-    fn together(&self, data: &Dataset, one: &Promise, other: &Promise) -> Option<[Promise; 2]> {
-        let lines = [&one.directions.lines[..], &other.directions.lines].concat();
-        let (gain, factors) = self.least_squares(data, &lines);
-        let (of_one, of_other) = factors.split_at(one.directions.lines.len());
-        let is_possible = one.directions.allow(of_one) && other.directions.allow(of_other);
-        let started =
-            |of: &Promise, factors: &[f64]| Promise { start: of.directions.scaled(factors), gain, ..of.clone() };
+    /// The gain and the starting values of two effects that promise much more together.
+    fn together(
+        &self,
+        data: &Dataset,
+        pull: &Line,
+        one: &Promise,
+        other: &Promise,
+    ) -> Option<(f64, [(usize, Vec<f64>); 2])> {
+        let lines: Vec<&Line> = one.lines.iter().chain(&other.lines).collect();
+        let (gain, factors) = self.least_squares(data, pull, &lines);
+        let (of_one, of_other) = factors.split_at(one.lines.len());
+        let is_possible = one.allows(of_one) && other.allows(of_other);
         (is_possible && gain > MORE_TOGETHER * (one.gain + other.gain))
-            .then(|| [started(one, of_one), started(other, of_other)])
+            .then(|| (gain, [(one.effect, one.scaled(of_one)), (other.effect, other.scaled(of_other))]))
     }
 
     /// The starts of an effect that are worth a simulation.
@@ -155,8 +163,7 @@ impl Fit {
         }
         let mut promised: Vec<(f64, Vec<f64>)> = parallel::map(starts, |start| {
             let change = |values: Vec<f64>| base.change_by_linear_response(&self.model, effect, &values);
-            let (gain, _) = self.least_squares(base.replay.data, &lines(effect, &start, change));
-            (gain, start)
+            (self.gain(base.replay.data, lines(effect, &start, change)).0, start)
         });
         promised.sort_by(|a, b| b.0.total_cmp(&a.0));
         promised.into_iter().take(SCREENED).map(|(_, start)| start).collect()
@@ -203,47 +210,58 @@ impl Fit {
     fn promise(&self, base: &Base, index: usize, start: Vec<f64>) -> Promise {
         let effect = CATALOGUE[index];
         let change = |values| base.change(&self.model.with(effect, values), effect.changes_motion());
-        let lines = lines(effect, &start, change);
-        let (gain, factors) = self.least_squares(base.replay.data, &lines);
+        let (gain, factors, lines) = self.gain(base.replay.data, lines(effect, &start, change));
         // If the effect is not linear, the whole step is evaluated, not the best multiple of it.
         let gain = match effect.about().linear_in {
-            0 => gain.min(self.gain_of_whole(&lines[0]).max(0.25 * gain)),
+            0 => gain.min(self.gain_of_whole(&lines[0].change).max(0.25 * gain)),
             _ => gain,
         };
-        let directions = Directions { effect: index, values: start, lines };
-        let gain = if directions.allow(&factors) { gain } else { 0.0 };
-        Promise { effect: index, start: directions.scaled(&factors), other_starts: Vec::new(), gain, directions }
+        let (start, values) = (Vec::new(), start);
+        let mut promise = Promise { effect: index, start, other_starts: Vec::new(), gain, values, lines };
+        promise.start = promise.scaled(&factors);
+        promise.gain = if promise.allows(&factors) { gain } else { 0.0 };
+        promise
     }
 
     /// Expected fall of the cost if what `other` reads of the same motor differently is in the data, by any factor.
     pub fn promised_by(&self, data: &Dataset, other: &Fit) -> f64 {
-        let change: Vec<f64> = other.residual.iter().zip(&self.residual).map(|(there, here)| there - here).collect();
-        self.least_squares(data, &[change]).0
+        let change = other.residual.iter().zip(&self.residual).map(|(there, here)| there - here).collect();
+        self.gain(data, vec![change]).0
     }
 
-    fn gain_of_whole(&self, line: &[f64]) -> f64 {
-        -2.0 * dot(line, &self.residual) - square(line)
+    fn gain_of_whole(&self, change: &[f64]) -> f64 {
+        -2.0 * dot(change, &self.residual) - square(change)
     }
 
-    /// Best combination of new columns beside the model's own: gain and factors.
-    fn least_squares(&self, data: &Dataset, lines: &[Vec<f64>]) -> (f64, Vec<f64>) {
-        let (Sensitivities { columns, .. }, inverse) = self.sensitivities(data);
-        let along =
-            |line: &[f64]| DVector::from_iterator(columns.len(), columns.iter().map(|column| dot(column, line)));
-        let own: Vec<DVector<f64>> = lines.iter().map(|line| along(line)).collect();
-        let pull = along(&self.residual);
+    /// Best combination of new columns beside the model's own: gain, factors, and the columns.
+    fn gain(&self, data: &Dataset, changes: Vec<Vec<f64>>) -> (f64, Vec<f64>, Vec<Line>) {
+        let lines: Vec<Line> = changes.into_iter().map(|change| self.line(data, change)).collect();
+        let pull = self.line(data, self.residual.clone());
+        let (gain, factors) = self.least_squares(data, &pull, &lines.iter().collect::<Vec<_>>());
+        (gain, factors, lines)
+    }
+
+    fn line(&self, data: &Dataset, change: Vec<f64>) -> Line {
+        let (Sensitivities { columns, .. }, _) = self.sensitivities(data);
+        let own = DVector::from_iterator(columns.len(), columns.iter().map(|column| dot(column, &change)));
+        Line { change, own }
+    }
+
+    /// Inner product of what the model's own constants and their priors cannot take of two lines.
+    fn beside(&self, data: &Dataset, one: &Line, other: &Line) -> f64 {
+        let (_, inverse) = self.sensitivities(data);
+        dot(&one.change, &other.change) - (one.own.transpose() * inverse * &other.own)[0]
+    }
+
+    /// Best combination of new columns beside the model's own: gain and factors. `pull`: the residual.
+    fn least_squares(&self, data: &Dataset, pull: &Line, lines: &[&Line]) -> (f64, Vec<f64>) {
         let size = lines.len();
-        let mut normal = DMatrix::zeros(size, size);
-        let mut gradient = DVector::zeros(size);
-        for row in 0..size {
-            for column in 0..size {
-                normal[(row, column)] =
-                    dot(&lines[row], &lines[column]) - (own[row].transpose() * inverse * &own[column])[0];
-            }
-            normal[(row, row)] += 1e-9 * square(&lines[row]) + f64::MIN_POSITIVE;
-            gradient[row] = dot(&lines[row], &self.residual) - (own[row].transpose() * inverse * &pull)[0];
+        let mut normal = DMatrix::from_fn(size, size, |row, column| self.beside(data, lines[row], lines[column]));
+        for (row, line) in lines.iter().enumerate() {
+            normal[(row, row)] += 1e-9 * square(&line.change) + f64::MIN_POSITIVE;
         }
-        let Some(factors) = normal.clone().cholesky().map(|cholesky| -cholesky.solve(&gradient)) else {
+        let gradient = DVector::from_fn(size, |row, _| self.beside(data, lines[row], pull));
+        let Some(factors) = normal.cholesky().map(|cholesky| -cholesky.solve(&gradient)) else {
             return (0.0, vec![0.0; size]);
         };
         (-gradient.dot(&factors), factors.iter().copied().collect())
@@ -254,9 +272,7 @@ impl Fit {
     pub fn would_gain(&self, data: &Dataset, effect: &'static dyn Effect, values: Vec<f64>) -> f64 {
         let (replay, fine) = (Replay::new(data), self.weighted_residual(data));
         let base = Base::new(&self.model, &replay, Steps::Coarse, &fine);
-        let line = base.change(&self.model.with(effect, values), effect.changes_motion());
-        let (Sensitivities { columns, .. }, inverse) = self.sensitivities(data);
-        let along = DVector::from_iterator(columns.len(), columns.iter().map(|column| dot(column, &line)));
-        square(&line) - (along.transpose() * inverse * &along)[0]
+        let line = self.line(data, base.change(&self.model.with(effect, values), effect.changes_motion()));
+        self.beside(data, &line, &line)
     }
 }

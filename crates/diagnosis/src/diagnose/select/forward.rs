@@ -6,7 +6,7 @@ use crate::configuration::diagnose::select_forward::{
     AT_A_TIME, LEAST_COST_WITHOUT_EVIDENCE, MOST_WITHOUT_EVIDENCE, NOT_THERE_YET, TRIED, TRIED_SHARE,
 };
 use crate::diagnose::judge::{NOT_NOISE, above_floor, above_noise, evidence_nats};
-use crate::identify::{Effort, Fit, NEARLY_AS_PROMISING, Promise, Promises, scales};
+use crate::identify::{Effort, Fit, NEARLY_AS_PROMISING, Promises, scales};
 use crate::parallel;
 use motorbench_model::catalogue::{ActsOn, Alone, CATALOGUE, Effect, Scales, USUAL};
 use motorbench_model::unit::Quantity;
@@ -80,7 +80,7 @@ impl Chooser<'_> {
         let tried = self.try_all(current, &promises, effort);
         let mut fits: Vec<Fit> = tried.into_iter().map(|(_, fit)| fit).collect();
         fits.extend(together.map(|pair| {
-            let with = |model: Model, Promise { effect, start, .. }| model.with(CATALOGUE[effect], start);
+            let with = |model: Model, (effect, start)| model.with(CATALOGUE[effect], start);
             self.fits.fit_near(current, &pair.into_iter().fold(current.model.clone(), with), effort)
         }));
         if is_first && lead != Lead::Evidence && !promises.is_empty() {
