@@ -438,8 +438,10 @@ pub(crate) mod select_backward {
 
 /// [`crate::diagnose::select::forward`].
 pub(crate) mod select_forward {
-    /// Number of candidates fitted at each step, the most promising ones, and those that promise nearly as much as the best.
+    /// Number of candidates fitted at each step, the most promising ones, and those that promise nearly as much as the best: a
+    /// promise is of the first order.
     pub const TRIED: usize = 4;
+    pub const NEARLY_AS_PROMISING: f64 = 0.7;
     /// At each step only effects that promise this share of the best one's promise are fitted.
     pub const TRIED_SHARE: f64 = 0.2;
     /// While a rest remains, this many effects are added without evidence: two that hide each other show it only together.

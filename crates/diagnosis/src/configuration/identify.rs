@@ -35,8 +35,6 @@ pub(crate) mod promises {
     pub const MOST_NEIGHBOURS: usize = 8;
     /// Of many starts of an effect that responds linearly, so many are simulated whole: the best by its linear response.
     pub const SCREENED: usize = 3;
-    /// What promises so much of the best is fitted as well: a promise is of the first order.
-    pub const NEARLY_AS_PROMISING: f64 = 0.7;
     /// Two effects are fitted together if at least half of their gain shows only then. Otherwise they are found one by one.
     pub const MORE_TOGETHER: f64 = 2.0;
 }

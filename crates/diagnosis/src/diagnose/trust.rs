@@ -128,3 +128,36 @@ fn is_of_a_sensor(id: &str) -> bool {
 pub(super) fn is_of_a_scale(id: &str) -> bool {
     effect(id).is_some_and(|effect| effect.about().linear_in > 0)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::diagnose::judge::Gain;
+    use motorbench_data::recording::Recording;
+    use motorbench_data::rig::Rig;
+    use motorbench_model::motor::MotorParameters;
+    use std::fmt::Write as _;
+
+    /// A friction that holds the shaft may explain a current and tells nothing of the motion.
+    #[test]
+    fn a_model_whose_shaft_stands_still_names_no_effect() {
+        let mut text = String::from("t_s,u_V,omega_rad_per_s,i_A\n");
+        for row in 0..2000 {
+            let volts = 8.0 * (row as f64 * 5e-3).sin();
+            let _ = writeln!(text, "{:.3},{volts:.4},{:.4},{:.4}", row as f64 * 1e-3, 12.0 * volts, 0.3 * volts);
+        }
+        let rig = Rig::parse("rig.toml", "[supply]\nvoltage_V = 12\n").unwrap();
+        let data = Dataset::new(&[Recording::parse("run.csv", text.as_bytes(), &[]).unwrap()], &rig).unwrap();
+        let prior = Prior::new(&rig.motor, &data);
+        let explains_most = || {
+            let gain = Gain { sigmas: 100.0, share: 1e6, rmse: vec![(1e6, 1.0); data.measured.len()] };
+            Standing { id: "coulomb_friction", gain, rival: None, same: Vec::new() }
+        };
+        for (torque_nm, is_outweighed) in [(0.0, false), (10.0, true)] {
+            let friction = effect("coulomb_friction").unwrap();
+            let model = Model::linear(MotorParameters::PIVT6).with(friction, vec![torque_nm]);
+            let rest = Rest::of(&data, &fit(&model, &data, &prior, Effort::NONE)).expect("it leaves more than noise");
+            assert_eq!(rest.outweighs(&explains_most()), is_outweighed, "{torque_nm} Nm");
+        }
+    }
+}

@@ -2,7 +2,7 @@
 
 use super::sensitivities::{Base, Sensitivities};
 use super::{Fit, dot, square};
-pub use crate::configuration::identify::promises::{LEAST_PROMISE, NEARLY_AS_PROMISING};
+pub use crate::configuration::identify::promises::LEAST_PROMISE;
 use crate::configuration::identify::promises::{
     MORE_TOGETHER, MOST_NEIGHBOURS, REFINED, REFINEMENTS, SCREENED, WORTH_A_WALK,
 };
@@ -62,8 +62,8 @@ impl Promise {
 pub struct Promises {
     /// Each alone, the best first.
     pub alone: Vec<Promise>,
-    /// Two that promise much more together than alone, and nearly as much as the best alone: their indices in [`CATALOGUE`] and
-    /// starting values.
+    /// Two that promise much more together than alone, and more than any other: their indices in [`CATALOGUE`] and starting
+    /// values.
     pub together: Option<[(usize, Vec<f64>); 2]>,
 }
 
@@ -125,8 +125,8 @@ impl Fit {
         Promises { alone: best, together }
     }
 
-    /// The best effect beside one of the usual ones, where the two promise nearly as much as the best alone, and much more than
-    /// one by one. The linear motor's viscous friction lies between a constant and a growing one, and hides both.
+    /// The best effect beside one of the usual ones, where the two promise more than any alone, and much more than one by one.
+    /// The linear motor's viscous friction lies between a constant and a growing one, and hides both.
     fn promising_together(&self, data: &Dataset, alone: &[Promise]) -> Option<[(usize, Vec<f64>); 2]> {
         let pull = self.line(data, self.residual.clone());
         let is_linear = |promise: &&Promise| CATALOGUE[promise.effect].about().linear_in > 0;
@@ -137,7 +137,7 @@ impl Fit {
         });
         let (gain, best) = pairs.max_by(|a, b| a.0.total_cmp(&b.0))?;
         let best_alone = alone.first().map_or(0.0, |promise| promise.gain);
-        (gain > LEAST_PROMISE.max(NEARLY_AS_PROMISING * best_alone)).then_some(best)
+        (gain > LEAST_PROMISE.max(best_alone)).then_some(best)
     }
 
     /// The gain and the starting values of two effects that promise much more together.

@@ -3,10 +3,11 @@
 use super::backward::names_by_evidence;
 use super::{Chooser, Gain, MOST_EFFECTS, Step, Way, has_evidence, is_very_strong};
 use crate::configuration::diagnose::select_forward::{
-    AT_A_TIME, LEAST_COST_WITHOUT_EVIDENCE, MOST_WITHOUT_EVIDENCE, NOT_THERE_YET, TRIED, TRIED_SHARE,
+    AT_A_TIME, LEAST_COST_WITHOUT_EVIDENCE, MOST_WITHOUT_EVIDENCE, NEARLY_AS_PROMISING, NOT_THERE_YET, TRIED,
+    TRIED_SHARE,
 };
 use crate::diagnose::judge::{NOT_NOISE, above_floor, above_noise, evidence_nats};
-use crate::identify::{Effort, Fit, NEARLY_AS_PROMISING, Promises, scales};
+use crate::identify::{Effort, Fit, Promises, scales};
 use crate::parallel;
 use motorbench_model::catalogue::{ActsOn, Alone, CATALOGUE, Effect, Scales, USUAL};
 use motorbench_model::unit::Quantity;
