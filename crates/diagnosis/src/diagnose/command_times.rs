@@ -2,7 +2,7 @@
 //! often as it writes rows; a program that times its steps and its rows by two clocks. The rows give the command, but
 //! not since when it acts; the motion shows that.
 
-use super::judge::{NOT_NOISE, VERY_STRONG_NATS, above_floor, evidence_nats, explains_as_much};
+use super::judge::{AS_GOOD, NOT_NOISE, VERY_STRONG_NATS, above_floor, evidence_nats};
 pub(super) use crate::configuration::diagnose::command_times::LEAST_GAIN;
 use crate::configuration::diagnose::command_times::{
     ANSWER_S, CLOSER, EARLIER, LEAST_CHANGE, LEAST_GAIN_OF_CLOSE_ROWS, RARELY, ROUNDS_APART, ROUNDS_TOGETHER, SHIFT,
@@ -61,11 +61,11 @@ pub(super) fn settle_smooth(data: &mut Dataset, prior: &Prior, found: &Fit) -> b
     let smooth = smooth(&written);
     let ways = parallel::map(EARLIER, |share| {
         let other = written.with_smooth_commands_earlier(&smooth, share);
-        let smooth = fit(&model, &other, prior, Effort::AGAIN);
-        (other, smooth)
+        let cost = fit(&model, &other, prior, Effort::TRIAL).cost;
+        (other, cost)
     });
-    let best = ways.into_iter().min_by(|a, b| a.1.cost.total_cmp(&b.1.cost));
-    let best = best.filter(|(other, smooth)| explains_as_much(other, smooth, found));
+    let best = ways.into_iter().min_by(|a, b| a.1.total_cmp(&b.1));
+    let best = best.filter(|(_, cost)| *cost <= AS_GOOD * found.cost);
     let explains = best.is_some();
     if let Some((other, _)) = best {
         *data = other;

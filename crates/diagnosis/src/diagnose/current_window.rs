@@ -10,7 +10,7 @@ use crate::dataset::Dataset;
 use crate::identify::{Effort, Fit, Prior, fit, scales};
 use crate::parallel;
 use motorbench_data::rig::Readings;
-use motorbench_model::catalogue::{ACTUATION_DELAY, effect};
+use motorbench_model::catalogue::{ACTUATION_DELAY, About, effect};
 use motorbench_model::{Model, Term};
 
 /// What makes a current late as a window does: a lag of its sensor, and a command that acts late.
@@ -47,9 +47,11 @@ fn explains_as_much_as_lateness(data: &Dataset, prior: &Prior, found: &Fit) -> b
     let at_once = with_window(data, 0.0);
     let scales = scales(&found.model.motor, data);
     let late = LATE_CURRENT.iter().filter(|id| !found.model.has(id)).filter_map(|id| effect(id));
-    let models = late.map(|effect| found.model.with_start(effect, &scales));
-    let late = parallel::map(models, |model| fit(&model, &at_once, prior, Effort::AGAIN));
-    late.iter().all(|late| explains_as_much(data, found, late))
+    let explained = parallel::map(late, |effect| {
+        let late = fit(&found.model.with_start(effect, &scales), &at_once, prior, Effort::AGAIN);
+        explains_as_much(data, found, &late, effect.about())
+    });
+    explained.into_iter().all(|explained| explained)
 }
 
 /// Sets the window if it explains a lag, a rest, or an excessive inductance. Returns whether it did.
@@ -77,25 +79,25 @@ fn with_window(data: &Dataset, window_s: f64) -> Dataset {
 fn likelier_s(data: &Dataset, prior: &Prior, found: &Fit) -> Option<f64> {
     let is_short = |late_s: f64| late_s > 0.0 && late_s < LATEST_S;
     let terms = found.model.terms.iter().filter(|term| is_short(term.effect.current_late_s(&term.values)));
-    let late: Vec<&str> = terms.map(Term::id).collect();
+    let late: Vec<&About> = terms.map(|term| term.effect.about()).collect();
     let is_late = !late.is_empty();
     let has_rest = above_floor(data, found) > NOT_NOISE;
     if !(is_late || has_rest || is_excessive(prior, found)) {
         return None;
     }
-    let model = late.iter().fold(found.model.clone(), |model, id| model.without(id));
+    let model = late.iter().fold(found.model.clone(), |model, late| model.without(late.id));
     let (window_s, best) = best_window(data, prior, &model)?;
-    let again = |best: &Fit| fit(&best.model, &with_window(data, window_s), prior, Effort::AGAIN);
+    let other = with_window(data, window_s);
+    let best = fit(&best.model, &other, prior, Effort::AGAIN);
     let explains = match (is_late, has_rest) {
-        (true, _) => explains_as_much(data, &again(&best), found),
+        (true, _) => late.iter().all(|late| explains_as_much(data, &best, found, late)),
         (false, true) => {
             let still_has_rest = above_floor(data, &best) > NOT_NOISE;
             best.cost <= if still_has_rest { LEAST_BESIDE } else { LEAST_GAIN } * found.cost
         }
         (false, false) => best.cost <= found.cost && !is_excessive(prior, &best),
     };
-    let is_likeliest = || is_late || explains_as_much_as_lateness(&with_window(data, window_s), prior, &again(&best));
-    (explains && is_likeliest()).then_some(window_s)
+    (explains && (is_late || explains_as_much_as_lateness(&other, prior, &best))).then_some(window_s)
 }
 
 /// The likeliest window, and the model fitted beside it.

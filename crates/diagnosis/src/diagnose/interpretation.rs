@@ -110,7 +110,8 @@ impl Interpretation {
         let mut late = last.model.with(delay, vec![delay_s]);
         late.motor.inductance_h -= delay_s * late.motor.resistance_ohm;
         let late = fit(&late, data, prior, Effort::FULL);
-        if judge::explains_as_much(data, last, &late) || judge::held_out_nats(data, last, &late) < 0.0 {
+        let is_delay = judge::evidence_nats(data, last, &late) > VERY_STRONG_NATS;
+        if !is_delay || judge::held_out_nats(data, last, &late) < 0.0 {
             return self;
         }
         let on_everything = fit(&late.model, &data.with_nothing_held_out(), prior, Effort::FULL);

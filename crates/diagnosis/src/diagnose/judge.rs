@@ -7,6 +7,7 @@ use crate::configuration::diagnose::judge::{FAR_OFF, RESAMPLES, USUAL_ROUNDS};
 use crate::dataset::{Dataset, Measured};
 use crate::free_run::Prediction;
 use crate::identify::Fit;
+use motorbench_model::catalogue::About;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -117,9 +118,13 @@ pub(super) fn evidence_nats(data: &Dataset, before: &Fit, after: &Fit) -> f64 {
     0.5 * independent * (before.cost / after.cost).ln() - 0.5 * further * independent.ln()
 }
 
-/// Whether a model explains as much as another: no very strong evidence speaks for that one.
-pub(super) fn explains_as_much(data: &Dataset, fit: &Fit, than: &Fit) -> bool {
-    evidence_nats(data, fit, than) < VERY_STRONG_NATS
+/// Whether another reading of the data explains as much as an effect by which something is late. A lag needs a filter, and may
+/// be what the laws leave out. Every command acts late, so very strong evidence is enough for a delay.
+pub(super) fn explains_as_much(data: &Dataset, fit: &Fit, than: &Fit, late: &About) -> bool {
+    match late.is_delay {
+        true => evidence_nats(data, fit, than) < VERY_STRONG_NATS,
+        false => fit.cost <= AS_GOOD * than.cost,
+    }
 }
 
 /// Log-likelihood that one reading of each held-out quantity gains from `before` to `after`, in natural units.

@@ -6,7 +6,7 @@ use crate::configuration::diagnose::pwm_frequency::{LEAST_LOG_LIKELIHOOD_GAIN, N
 use crate::dataset::Dataset;
 use crate::identify::{Effort, Fit, Prior, fit, scales};
 use crate::parallel;
-use motorbench_model::catalogue::{USUAL, effect};
+use motorbench_model::catalogue::{About, USUAL, effect};
 use motorbench_model::{Model, Term};
 
 /// Sets the frequency with which the nominal motor, behind a bridge with a drop, fits clearly better. Its off phase may
@@ -53,7 +53,7 @@ pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {
 /// The data with a frequency that explains as much as a lag of the current. A current that stops within each period looks
 /// late, and a mean over a period is.
 fn in_place_of_a_lag(data: &Dataset, prior: &Prior, found: &Fit) -> Option<Dataset> {
-    let prompt = without_lag_of_current(&found.model)?;
+    let (late, prompt) = without_lag_of_current(&found.model)?;
     let windows_s = |hz: f64| {
         let of_period_s = data.reads_instants().then_some(1.0 / hz);
         [Some(data.origin.current_window_s), of_period_s].into_iter().flatten()
@@ -65,13 +65,13 @@ fn in_place_of_a_lag(data: &Dataset, prior: &Prior, found: &Fit) -> Option<Datas
         (other, found)
     });
     let (other, best) = fits.into_iter().min_by(|a, b| a.1.cost.total_cmp(&b.1.cost))?;
-    explains_as_much(&other, &best, found).then_some(other)
+    explains_as_much(&other, &best, found, late).then_some(other)
 }
 
-/// A model without its lag of the current, if it has one.
-pub(super) fn without_lag_of_current(model: &Model) -> Option<Model> {
+/// What makes the current late in a model, if something does, and the model without it.
+pub(super) fn without_lag_of_current(model: &Model) -> Option<(&'static About, Model)> {
     let is_late = |term: &&Term| term.effect.current_late_s(&term.values) > 0.0 && !term.effect.acts_on_motor();
-    model.terms.iter().find(is_late).map(|lag| model.without(lag.id()))
+    model.terms.iter().find(is_late).map(|late| (late.effect.about(), model.without(late.id())))
 }
 
 fn with_pwm(data: &Dataset, hz: f64, window_s: f64) -> Dataset {

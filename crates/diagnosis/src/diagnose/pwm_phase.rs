@@ -172,8 +172,8 @@ fn taken_otherwise(data: &Dataset, prior: &Prior, model: &Model) -> Option<(Data
 /// The same if that explains as much as a lag of the current. Where commands act at once, a model whose commands wait has too
 /// small a winding, and a lag in place of the rest.
 fn taken_in_place_of_a_lag(data: &Dataset, prior: &Prior, found: &Fit) -> Option<(Dataset, Fit)> {
-    let prompt = without_lag_of_current(&found.model)?;
-    taken_otherwise(data, prior, &prompt).filter(|(data, other)| explains_as_much(data, other, found))
+    let (late, prompt) = without_lag_of_current(&found.model)?;
+    taken_otherwise(data, prior, &prompt).filter(|(data, other)| explains_as_much(data, other, found, late))
 }
 
 /// The data with the phase and the frequency nearby with which a model fits best, and its fit. A low-pass in front of the

@@ -15,17 +15,17 @@ use motorbench_model::{Model, Term};
 pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {
     // A mean over a row is late by at most one row.
     let is_short = |late_s: f64| late_s > 0.0 && late_s < data.interval_s;
-    let late = found.model.terms.iter().find(|term| is_short(term.effect.speed_late_s(&term.values))).map(Term::id);
+    let late = found.model.terms.iter().find(|term| is_short(term.effect.speed_late_s(&term.values)));
     let has_rest = above_floor(data, found) > NOT_NOISE;
     if !(late.is_some() || has_rest) {
         return false;
     }
     let Some(other) = data.with_other_speed_reading() else { return false };
-    let model = late.map_or_else(|| found.model.clone(), |id| found.model.without(id));
+    let model = late.map_or_else(|| found.model.clone(), |late| found.model.without(late.id()));
     let read_otherwise = fit(&model, &other, prior, Effort::AGAIN);
-    let explains = match late.is_some() {
-        true => explains_as_much(&other, &read_otherwise, found),
-        false => read_otherwise.cost <= LEAST_GAIN * found.cost,
+    let explains = match late {
+        Some(late) => explains_as_much(&other, &read_otherwise, found, late.effect.about()),
+        None => read_otherwise.cost <= LEAST_GAIN * found.cost,
     };
     if explains {
         *data = other;
