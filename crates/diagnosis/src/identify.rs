@@ -16,7 +16,7 @@ use motorbench_model::motor::MotorParameters;
 use motorbench_model::{Model, Term};
 use nalgebra::DMatrix;
 pub use prior::{GIVEN_DROP_SPREAD_V, NOMINAL_SPREAD, Prior, lateness_s, uniform_deviation};
-pub use promises::{LEAST_PROMISE, Promise, Promises};
+pub use promises::{EffectStart, LEAST_PROMISE, Promise, Promises};
 pub use recording_items::{Item, fit_with_items};
 use search::Search;
 use sensitivities::Sensitivities;

@@ -62,9 +62,16 @@ impl Promise {
 pub struct Promises {
     /// Each alone, the best first.
     pub alone: Vec<Promise>,
-    /// Two that promise much more together than alone, and more than any other: their indices in [`CATALOGUE`] and starting
-    /// values.
-    pub together: Option<[(usize, Vec<f64>); 2]>,
+    /// Two that promise much more together than alone, and more than any other.
+    pub together: Option<[EffectStart; 2]>,
+}
+
+/// An effect with starting values of a fit.
+pub struct EffectStart {
+    /// Index in [`CATALOGUE`].
+    pub effect: usize,
+    /// Of its constants.
+    pub values: Vec<f64>,
 }
 
 /// A change of the residual, with what each of the model's own constants sees of it.
@@ -127,7 +134,7 @@ impl Fit {
 
     /// The best effect beside one of the usual ones, where the two promise more than any alone, and much more than one by one.
     /// The linear motor's viscous friction lies between a constant and a growing one, and hides both.
-    fn promising_together(&self, data: &Dataset, alone: &[Promise]) -> Option<[(usize, Vec<f64>); 2]> {
+    fn promising_together(&self, data: &Dataset, alone: &[Promise]) -> Option<[EffectStart; 2]> {
         let pull = self.line(data, self.residual.clone());
         let is_linear = |promise: &&Promise| CATALOGUE[promise.effect].about().linear_in > 0;
         let usual = alone.iter().filter(is_linear).filter(|one| USUAL.contains(&CATALOGUE[one.effect].about().id));
@@ -141,19 +148,14 @@ impl Fit {
     }
 
     /// The gain and the starting values of two effects that promise much more together.
-    fn together(
-        &self,
-        data: &Dataset,
-        pull: &Line,
-        one: &Promise,
-        other: &Promise,
-    ) -> Option<(f64, [(usize, Vec<f64>); 2])> {
+    fn together(&self, data: &Dataset, pull: &Line, one: &Promise, other: &Promise) -> Option<(f64, [EffectStart; 2])> {
         let lines: Vec<&Line> = one.lines.iter().chain(&other.lines).collect();
         let (gain, factors) = self.least_squares(data, pull, &lines);
         let (of_one, of_other) = factors.split_at(one.lines.len());
         let is_possible = one.allows(of_one) && other.allows(of_other);
+        let start = |of: &Promise, factors: &[f64]| EffectStart { effect: of.effect, values: of.scaled(factors) };
         (is_possible && gain > MORE_TOGETHER * (one.gain + other.gain))
-            .then(|| (gain, [(one.effect, one.scaled(of_one)), (other.effect, other.scaled(of_other))]))
+            .then(|| (gain, [start(one, of_one), start(other, of_other)]))
     }
 
     /// The starts of an effect that are worth a simulation.

@@ -7,7 +7,7 @@ use crate::configuration::diagnose::select_forward::{
     TRIED_SHARE,
 };
 use crate::diagnose::judge::{NOT_NOISE, above_floor, above_noise, evidence_nats};
-use crate::identify::{Effort, Fit, Promises, scales};
+use crate::identify::{EffectStart, Effort, Fit, Promises, scales};
 use crate::parallel;
 use motorbench_model::catalogue::{ActsOn, Alone, CATALOGUE, Effect, Scales, USUAL};
 use motorbench_model::unit::Quantity;
@@ -81,7 +81,7 @@ impl Chooser<'_> {
         let tried = self.try_all(current, &promises, effort);
         let mut fits: Vec<Fit> = tried.into_iter().map(|(_, fit)| fit).collect();
         fits.extend(together.map(|pair| {
-            let with = |model: Model, (effect, start)| model.with(CATALOGUE[effect], start);
+            let with = |model: Model, start: EffectStart| model.with(CATALOGUE[start.effect], start.values);
             self.fits.fit_near(current, &pair.into_iter().fold(current.model.clone(), with), effort)
         }));
         if is_first && lead != Lead::Evidence && !promises.is_empty() {
