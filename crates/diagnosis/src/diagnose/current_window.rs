@@ -39,16 +39,16 @@ pub(super) fn is_needed(data: &Dataset, prior: &Prior, found: &Fit) -> bool {
     if evidence_nats(data, &without, found) <= least_nats {
         return false;
     }
-    explains_as_much_as_lateness(data, prior, found)
+    explains_as_much_as_lateness(data, &at_once, prior, found)
 }
 
-/// Whether no lag and no delay explains more than the window beside which a model was found.
-fn explains_as_much_as_lateness(data: &Dataset, prior: &Prior, found: &Fit) -> bool {
-    let at_once = with_window(data, 0.0);
+/// Whether no lag and no delay of the data without a window, `at_once`, explains more than the window beside which a model was
+/// found.
+fn explains_as_much_as_lateness(data: &Dataset, at_once: &Dataset, prior: &Prior, found: &Fit) -> bool {
     let scales = scales(&found.model.motor, data);
     let late = LATE_CURRENT.iter().filter(|id| !found.model.has(id)).filter_map(|id| effect(id));
     let explained = parallel::map(late, |effect| {
-        let late = fit(&found.model.with_start(effect, &scales), &at_once, prior, Effort::AGAIN);
+        let late = fit(&found.model.with_start(effect, &scales), at_once, prior, Effort::AGAIN);
         explains_as_much(data, found, &late, effect.about())
     });
     explained.into_iter().all(|explained| explained)
@@ -97,7 +97,8 @@ fn likelier_s(data: &Dataset, prior: &Prior, found: &Fit) -> Option<f64> {
         }
         (false, false) => best.cost <= found.cost && !is_excessive(prior, &best),
     };
-    (explains && (is_late || explains_as_much_as_lateness(&other, prior, &best))).then_some(window_s)
+    (explains && (is_late || explains_as_much_as_lateness(&other, &with_window(data, 0.0), prior, &best)))
+        .then_some(window_s)
 }
 
 /// The likeliest window, and the model fitted beside it.

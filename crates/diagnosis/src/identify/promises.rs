@@ -135,7 +135,7 @@ impl Fit {
     /// The best effect beside one of the usual ones, where the two promise more than any alone, and much more than one by one.
     /// The linear motor's viscous friction lies between a constant and a growing one, and hides both.
     fn promising_together(&self, data: &Dataset, alone: &[Promise]) -> Option<[EffectStart; 2]> {
-        let pull = self.line(data, self.residual.clone());
+        let pull = self.along_own(data, &self.residual);
         let is_linear = |promise: &&Promise| CATALOGUE[promise.effect].about().linear_in > 0;
         let usual = alone.iter().filter(is_linear).filter(|one| USUAL.contains(&CATALOGUE[one.effect].about().id));
         let pairs = usual.flat_map(|one| {
@@ -148,7 +148,13 @@ impl Fit {
     }
 
     /// The gain and the starting values of two effects that promise much more together.
-    fn together(&self, data: &Dataset, pull: &Line, one: &Promise, other: &Promise) -> Option<(f64, [EffectStart; 2])> {
+    fn together(
+        &self,
+        data: &Dataset,
+        pull: &DVector<f64>,
+        one: &Promise,
+        other: &Promise,
+    ) -> Option<(f64, [EffectStart; 2])> {
         let lines: Vec<&Line> = one.lines.iter().chain(&other.lines).collect();
         let (gain, factors) = self.least_squares(data, pull, &lines);
         let (of_one, of_other) = factors.split_at(one.lines.len());
@@ -238,15 +244,19 @@ impl Fit {
     /// Best combination of new columns beside the model's own: gain, factors, and the columns.
     fn gain(&self, data: &Dataset, changes: Vec<Vec<f64>>) -> (f64, Vec<f64>, Vec<Line>) {
         let lines: Vec<Line> = changes.into_iter().map(|change| self.line(data, change)).collect();
-        let pull = self.line(data, self.residual.clone());
+        let pull = self.along_own(data, &self.residual);
         let (gain, factors) = self.least_squares(data, &pull, &lines.iter().collect::<Vec<_>>());
         (gain, factors, lines)
     }
 
     fn line(&self, data: &Dataset, change: Vec<f64>) -> Line {
+        Line { own: self.along_own(data, &change), change }
+    }
+
+    /// What each of the model's own constants sees of a change.
+    fn along_own(&self, data: &Dataset, change: &[f64]) -> DVector<f64> {
         let (Sensitivities { columns, .. }, _) = self.sensitivities(data);
-        let own = DVector::from_iterator(columns.len(), columns.iter().map(|column| dot(column, &change)));
-        Line { change, own }
+        DVector::from_iterator(columns.len(), columns.iter().map(|column| dot(column, change)))
     }
 
     /// Inner product of what the model's own constants and their priors cannot take of two lines.
@@ -255,14 +265,17 @@ impl Fit {
         dot(&one.change, &other.change) - (one.own.transpose() * inverse * &other.own)[0]
     }
 
-    /// Best combination of new columns beside the model's own: gain and factors. `pull`: the residual.
-    fn least_squares(&self, data: &Dataset, pull: &Line, lines: &[&Line]) -> (f64, Vec<f64>) {
+    /// Best combination of new columns beside the model's own: gain and factors. `pull`: the residual along those.
+    fn least_squares(&self, data: &Dataset, pull: &DVector<f64>, lines: &[&Line]) -> (f64, Vec<f64>) {
         let size = lines.len();
         let mut normal = DMatrix::from_fn(size, size, |row, column| self.beside(data, lines[row], lines[column]));
         for (row, line) in lines.iter().enumerate() {
             normal[(row, row)] += 1e-9 * square(&line.change) + f64::MIN_POSITIVE;
         }
-        let gradient = DVector::from_fn(size, |row, _| self.beside(data, lines[row], pull));
+        let (_, inverse) = self.sensitivities(data);
+        let gradient = DVector::from_fn(size, |row, _| {
+            dot(&lines[row].change, &self.residual) - (lines[row].own.transpose() * inverse * pull)[0]
+        });
         let Some(factors) = normal.cholesky().map(|cholesky| -cholesky.solve(&gradient)) else {
             return (0.0, vec![0.0; size]);
         };
