@@ -87,19 +87,14 @@ impl SwitchedStep {
             driving_v: voltage_v + terms.voltage_v,
             terms,
         };
-        let mut state = State { current_a, speed, charge: 0.0 };
-        let mut left = shaft.length_of(self.step_s, self.speed_of);
-        for _ in 0..MOST_PHASES {
-            let (next, passed_s) = shaft.phase(state, &left);
-            state = next;
-            if passed_s >= left.length_s {
-                return self.reached(state);
-            }
-            left = shaft.length(left.length_s - passed_s);
+        let (from, whole) = (State { current_a, speed, charge: 0.0 }, shaft.length_of(self.step_s, self.speed_of));
+        match shaft.sense(from).and_then(|sense| shaft.keeps_moving(from, sense, &whole)) {
+            Some(end) => self.reached(end),
+            None => self.reached(shaft.in_phases(from, whole)),
         }
-        self.reached(shaft.standing(state, &left))
     }
 
+    #[inline]
     fn reached(&self, state: State) -> Reached {
         Reached { current_a: state.current_a, speed_rad_per_s: state.speed, mean_a: state.charge / self.step_s }
     }
@@ -126,13 +121,35 @@ impl Shaft<'_> {
         Length { length_s, per_s: 1.0 / length_s.max(f64::MIN_POSITIVE), speed_of, current_left }
     }
 
-    /// Until the shaft stops or starts, or for the whole length: what is reached, and after what time.
-    #[inline]
-    fn phase(&self, from: State, length: &Length) -> (State, f64) {
-        let sense = if from.speed == 0.0 { self.breaks_free(from.current_a) } else { Some(from.speed.signum()) };
-        if let Some(sense) = sense {
-            return self.moving(from, sense, length);
+    /// Through a step in which the shaft may stop or start.
+    fn in_phases(&self, mut state: State, mut left: Length) -> State {
+        for _ in 0..MOST_PHASES {
+            let (next, passed_s) = self.phase(state, &left);
+            state = next;
+            if passed_s >= left.length_s {
+                return state;
+            }
+            left = self.length(left.length_s - passed_s);
         }
+        self.standing(state, &left)
+    }
+
+    /// The direction in which a shaft moves or starts.
+    #[inline]
+    fn sense(&self, from: State) -> Option<f64> {
+        if from.speed == 0.0 { self.breaks_free(from.current_a) } else { Some(from.speed.signum()) }
+    }
+
+    /// Until the shaft stops or starts, or for the whole length: what is reached, and after what time.
+    fn phase(&self, from: State, length: &Length) -> (State, f64) {
+        match self.sense(from) {
+            Some(sense) => self.moving(from, sense, length),
+            None => self.at_rest(from, length),
+        }
+    }
+
+    /// The same of a shaft that rests.
+    fn at_rest(&self, from: State, length: &Length) -> (State, f64) {
         let end = self.standing(from, length);
         let Some(sense) = self.breaks_free(end.current_a) else { return (end, length.length_s) };
         let against_nm = sense * self.friction_nm(sense) - self.terms.torque_nm;
@@ -164,17 +181,30 @@ impl Shaft<'_> {
         State { current_a, speed: 0.0, charge: from.charge + charge }
     }
 
-    /// Of a shaft that moves one way, until it stops. The speed on the way is taken for a parabola.
-    fn moving(&self, from: State, sense: f64, length: &Length) -> (State, f64) {
+    /// What is reached in the direction of the motion, if the shaft does not stop.
+    // Apart from what follows a stop: returned together with that, its numbers would be waited for.
+    #[inline(always)]
+    fn keeps_moving(&self, from: State, sense: f64, length: &Length) -> Option<State> {
         let end = self.moved(from, sense, length);
+        // The speed on the way is taken for a parabola. It lies above its chord or above its tangent: mostly neither comes to zero.
+        let on_tangent = from.speed + self.acceleration(from, sense) * length.length_s;
+        (sense * end.speed >= 0.0 && sense * on_tangent >= 0.0).then_some(end)
+    }
+
+    /// Of a shaft that moves in a direction.
+    #[inline]
+    fn acceleration(&self, from: State, sense: f64) -> f64 {
         let slowing_nm_s = self.step.viscous_friction_nm_s + self.terms.viscous_nm_s;
         let torque_nm = self.driving_nm(from.current_a, sense) - slowing_nm_s * from.speed;
-        let acceleration = torque_nm / self.step.inertia_kg_m2;
-        // A parabola lies above its chord or above its tangent: mostly neither comes to zero.
-        let on_tangent = from.speed + acceleration * length.length_s;
-        if sense * end.speed >= 0.0 && sense * on_tangent >= 0.0 {
+        torque_nm / self.step.inertia_kg_m2
+    }
+
+    /// Of a shaft that moves one way, until it stops.
+    fn moving(&self, from: State, sense: f64, length: &Length) -> (State, f64) {
+        if let Some(end) = self.keeps_moving(from, sense, length) {
             return (end, length.length_s);
         }
+        let (end, acceleration) = (self.moved(from, sense, length), self.acceleration(from, sense));
         let (mut reached, mut passed_s) = (end, length.length_s);
         for _ in 0..ROUNDS {
             let curvature = ((reached.speed - from.speed) / passed_s - acceleration) / passed_s;

@@ -9,7 +9,8 @@ use motorbench_data::rig;
 use motorbench_model::between_rows::Bulge;
 use motorbench_model::catalogue::{ActsOn, Balance, Effect, Instant};
 use motorbench_model::linear::motor_model::TimeConstants;
-use motorbench_model::pwm_period::{Course, Ripple};
+use motorbench_model::motor::MotorParameters;
+use motorbench_model::pwm_period::{Course, Ripple, Volts};
 use motorbench_model::{Input, Late, LinearSteps, Model, Reached, SAME_LENGTH_S, SwitchedStep, Term, volts};
 use std::collections::VecDeque;
 use std::ops::Range;
@@ -140,7 +141,8 @@ struct Stepper {
 
 impl Stepper {
     /// From a current and a speed.
-    #[inline]
+    // Returned through memory, its numbers would be waited for.
+    #[inline(always)]
     fn take<const AS_IT_IS: bool>(
         &mut self,
         step_s: f64,
@@ -164,12 +166,41 @@ impl Stepper {
     }
 }
 
-/// Conditions of the previous step; its ripple is that of the duty until this changes.
+/// What drove the current at the end of the previous step; its ripple is that of the duty until this changes.
 #[derive(Clone, Copy)]
 struct Before {
-    at: Instant,
-    /// Without the ripple.
-    terms: Balance<'static>,
+    duty: f64,
+    open: bool,
+    current_a: f64,
+    volts: Volts,
+    /// What the effects added to the voltage of the bridge, and to the resistance.
+    added: (f64, f64),
+}
+
+impl Before {
+    #[inline]
+    fn new(motor: &MotorParameters, at: &Instant, terms: &Balance) -> Self {
+        Self {
+            duty: at.duty,
+            open: at.open,
+            current_a: at.current_a,
+            volts: volts(motor, at.current_a, at.speed_rad_per_s, at.voltage_v, terms),
+            added: (terms.voltage_v, terms.resistance_ohm),
+        }
+    }
+
+    /// At another instant, with what the effects did then.
+    fn with(&self, motor: &MotorParameters, at: &Instant) -> Self {
+        let (voltage_v, resistance_ohm) = self.added;
+        let added = Balance { voltage_v, resistance_ohm, ..Balance::default() };
+        let now = Self::new(motor, at, &added);
+        Self { volts: Volts { drops: self.volts.drops, ..now.volts }, ..now }
+    }
+
+    #[inline]
+    fn is_driven(&self) -> bool {
+        !self.open && self.duty != 0.0
+    }
 }
 
 impl<'a> Run<'a> {
@@ -278,12 +309,14 @@ impl<'a> Run<'a> {
             charge += piece.length_s * self.simulate::<AS_IT_IS>(index, piece, sampled_at.is_some());
         }
         if let Some((sampled_at, before)) = sampled_at.zip(self.before.as_ref()) {
-            let course = self.course(&before.at, &before.terms);
-            let above_a = |(course, since_pulse): (Course, f64)| match &self.filter {
-                None => course.above_mean_a(share_of_period(since_pulse)),
-                Some(filter) => course.filtered_above_mean_a(share_of_period(since_pulse), filter.memory),
+            self.ripple_a = match (before.is_driven(), &self.filter) {
+                (false, _) => 0.0,
+                (true, None) => self.above_mean_a(before, sampled_at),
+                (true, Some(filter)) => {
+                    let share = share_of_period(sampled_at - data.origin.pulse.begins_at(before.duty));
+                    self.course(before).filtered_above_mean_a(share, filter.memory)
+                }
             };
-            self.ripple_a = course.map_or(0.0, |(course, pulse)| above_a((course, sampled_at - pulse)));
         }
         for term in self.angle_sensor.iter().filter(|_| !AS_IT_IS) {
             self.lost_rad += term.effect.lost_rad_per_s(&term.values, self.speed_rad_per_s) * interval_s;
@@ -304,27 +337,25 @@ impl<'a> Run<'a> {
             self.change_ripple(piece.duty);
         }
         let torque_nm = self.steady.torque_nm - data.load_nm[index];
-        let steady = Balance { torque_nm, ..self.steady };
-        if self.varying.is_empty() && !is_kept {
-            return self.take::<AS_IT_IS>(piece, input, steady);
-        }
-        let mut at = self.instant(index, piece, input);
-        let mut terms = Balance { ripple: &self.driven.1, ..steady };
+        let mut terms = Balance { torque_nm, ripple: &self.driven.1, ..self.steady };
+        let is_steady = self.varying.is_empty() && !is_kept;
+        let mut at = if is_steady { Instant::default() } else { self.instant(index, piece, input) };
         for Varying { effect, values, state } in &mut self.varying {
             effect.contribute(values, &self.model.motor, &at, state, &mut terms);
         }
-        let terms = Balance { ripple: &Ripple::NONE, ..terms };
-        let mean_a = self.take::<AS_IT_IS>(piece, input, terms);
-        (at.current_a, at.speed_rad_per_s) = (self.current_a, self.speed_rad_per_s);
+        let from = (self.current_a, self.speed_rad_per_s);
+        let reached = self.stepper.take::<AS_IT_IS>(piece.length_s, from, (input, piece.change), &terms);
+        (at.current_a, at.speed_rad_per_s) = (reached.current_a, reached.speed_rad_per_s);
+        if is_kept {
+            self.before = Some(Before::new(&self.model.motor, &at, &terms));
+        }
         for Varying { effect, values, state } in &mut self.varying {
             if !state.is_empty() {
                 effect.advance(values, &self.model.motor, &at, state);
             }
         }
-        if is_kept {
-            self.before = Some(Before { at, terms });
-        }
-        mean_a
+        self.follow::<AS_IT_IS>(piece.length_s, from, &reached);
+        reached.mean_a
     }
 
     /// The motor at the begin of a step.
@@ -352,16 +383,12 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Takes the motor over a step, with terms that lack the ripple; returns the mean current.
+    /// Comes to the end of a step.
     #[inline(always)]
-    fn take<const AS_IT_IS: bool>(&mut self, piece: &Piece, input: Input, terms: Balance) -> f64 {
-        let step_s = piece.length_s;
-        let terms = Balance { ripple: &self.driven.1, ..terms };
-        let from = (self.current_a, self.speed_rad_per_s);
-        let reached = self.stepper.take::<AS_IT_IS>(step_s, from, (input, piece.change), &terms);
-        let Reached { current_a, speed_rad_per_s, mean_a } = reached;
+    fn follow<const AS_IT_IS: bool>(&mut self, step_s: f64, from: (f64, f64), reached: &Reached) {
+        let Reached { current_a, speed_rad_per_s, mean_a } = *reached;
         if !AS_IT_IS && let Some(filter) = &mut self.filter {
-            filter.follow(from.0, &reached, step_s);
+            filter.follow(from.0, reached, step_s);
         }
         if !AS_IT_IS && self.has_window {
             self.lately.push_back(Passed { length_s: step_s, begin_a: from.0, mean_a, end_a: current_a });
@@ -369,7 +396,6 @@ impl<'a> Run<'a> {
         self.acceleration_rad_per_s2 = (speed_rad_per_s - from.1) / step_s;
         self.angle_rad += 0.5 * (from.1 + speed_rad_per_s) * step_s;
         (self.current_a, self.speed_rad_per_s) = (current_a, speed_rad_per_s);
-        mean_a
     }
 
     /// The current as its sensor averages it. Where no edges are simulated, that is left to the reading.
@@ -399,7 +425,7 @@ impl<'a> Run<'a> {
     #[inline]
     fn changes_duty(&self, duty: f64) -> bool {
         match &self.before {
-            Some(Before { at, .. }) => at.duty != duty && !at.open,
+            Some(before) => before.duty != duty && !before.open,
             None => self.cut.begins_with == (0.0, 0.0),
         }
     }
@@ -409,12 +435,14 @@ impl<'a> Run<'a> {
     /// inductance.
     fn change_duty(&mut self, at: &Instant) {
         let takes_at = self.data.origin.takes_duty_at(at.time_s);
-        let (above_a, terms) = match &self.before {
-            Some(before) => (self.above_mean_a(&before.at, &before.terms, takes_at), before.terms),
-            None => (0.0, Balance::default()),
-        };
+        let above_a = self.before.as_ref().map_or(0.0, |before| self.above_mean_a(before, takes_at));
         self.change_ripple(at.duty);
-        self.current_a += above_a - self.above_mean_a(at, &terms, takes_at);
+        let motor = &self.model.motor;
+        let now = match &self.before {
+            Some(before) => before.with(motor, at),
+            None => Before::new(motor, at, &Balance::default()),
+        };
+        self.current_a += above_a - self.above_mean_a(&now, takes_at);
     }
 
     /// The PWM with a duty, which is the same for many steps.
@@ -427,16 +455,18 @@ impl<'a> Run<'a> {
     }
 
     /// Current at a share of a period, less its mean.
-    fn above_mean_a(&self, at: &Instant, terms: &Balance, share: f64) -> f64 {
-        self.course(at, terms).map_or(0.0, |(course, pulse)| course.above_mean_a(share_of_period(share - pulse)))
+    #[inline]
+    fn above_mean_a(&self, driven: &Before, share: f64) -> f64 {
+        if !driven.is_driven() {
+            return 0.0;
+        }
+        let since_pulse = share - self.data.origin.pulse.begins_at(driven.duty);
+        self.course(driven).above_mean_a(share_of_period(since_pulse))
     }
 
-    /// The current through a period from the begin of its pulse, and where that is in the period.
-    fn course(&self, at: &Instant, terms: &Balance) -> Option<(Course, f64)> {
-        let is_driven = !at.open && at.duty != 0.0;
-        is_driven.then(|| {
-            let volts = volts(&self.model.motor, at.current_a, at.speed_rad_per_s, at.voltage_v, terms);
-            (self.driven.1.course(at.current_a, &volts), self.data.origin.pulse.begins_at(at.duty))
-        })
+    /// The current through a period from the begin of its pulse.
+    #[inline]
+    fn course(&self, driven: &Before) -> Course {
+        self.driven.1.course(driven.current_a, &driven.volts)
     }
 }
