@@ -103,10 +103,21 @@ impl Sides {
     /// Takes motor and load over a step under the other torques on the motor. Returns the mean torque on the load.
     fn take(&mut self, contact: &InContact, drive_nm: f64, terms: &Balance) -> f64 {
         let before_rad_per_s = self.load_rad_per_s;
-        if !self.stays_as_it_is(contact, drive_nm, terms) {
+        if !self.waits_in_the_gap(contact.length_s, drive_nm, terms) && !self.stays_as_it_is(contact, drive_nm, terms) {
             self.in_parts(contact.length_s, drive_nm, terms);
         }
         self.load_kg_m2 * (self.load_rad_per_s - before_rad_per_s) / contact.length_s
+    }
+
+    /// Takes the whole step at once, if its friction holds the motor and the load does not reach a flank; says whether it did.
+    fn waits_in_the_gap(&mut self, length_s: f64, drive_nm: f64, terms: &Balance) -> bool {
+        let is_held = drive_nm <= terms.dry_forward_nm.max(0.0) && drive_nm >= -terms.dry_backward_nm.max(0.0);
+        let after = Self { twist_rad: self.twist_rad - self.load_rad_per_s * length_s, ..*self };
+        let waits = self.motor_rad_per_s == 0.0 && is_held && self.depth_rad() == 0.0 && after.depth_rad() == 0.0;
+        if waits {
+            *self = after;
+        }
+        waits
     }
 
     /// Takes the whole step in closed form, if the motor turns and the flanks neither meet nor part; says whether it did.
