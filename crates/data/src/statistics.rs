@@ -2,7 +2,13 @@
 
 /// Largest magnitude; missing values do not count.
 pub fn greatest(values: &[f64]) -> f64 {
-    values.iter().fold(0.0, |most: f64, value| most.max(value.abs()))
+    // Eight at a time, so that the comparisons need not wait for each other.
+    let mut most = [0.0_f64; 8];
+    let eights = values.chunks_exact(8);
+    for eight in eights.clone().chain([eights.remainder()]) {
+        most.iter_mut().zip(eight).for_each(|(most, value)| *most = most.max(value.abs()));
+    }
+    most.into_iter().fold(0.0, f64::max)
 }
 
 /// Median without missing values; 0 for an empty column.

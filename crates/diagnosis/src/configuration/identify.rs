@@ -27,11 +27,11 @@ pub(crate) mod prior {
 pub(crate) mod promises {
     /// An expected gain below this, in units of noise, is not worth a fit.
     pub const LEAST_PROMISE: f64 = 20.0;
-    /// The starts of this many most promising effects are refined, by this many halvings.
+    /// The starts of this many most promising effects are refined, where they have this share of the best expected gain.
     pub const REFINED: usize = 8;
-    pub const REFINEMENTS: u8 = 6;
-    /// ... or, with this share of the best expected gain, moved to a better neighbour at most this often.
     pub const WORTH_A_WALK: f64 = 0.1;
+    /// That is by this many halvings, or by moving to a better neighbour at most this often.
+    pub const REFINEMENTS: u8 = 6;
     pub const MOST_NEIGHBOURS: usize = 8;
     /// Of many starts of an effect that responds linearly, so many are simulated whole: the best by its linear response.
     pub const SCREENED: usize = 3;

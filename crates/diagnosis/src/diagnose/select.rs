@@ -206,7 +206,10 @@ impl Chooser<'_> {
         // What does not stand by the usual law need not stand by another.
         let (standing, _) = self.pruned(found.clone());
         let refined = laws::refined(&standing, self.data, self.prior).into_iter();
-        let Some(best) = refined.min_by(|a, b| a.cost.total_cmp(&b.cost)) else { return (found, steps) };
+        let gains = |best: &Fit| standing.cost - best.cost > 2.0 * VERY_STRONG_NATS;
+        // One that explains no more than this, were all readings independent, is the usual law: beside it shows what showed.
+        let best = refined.min_by(|a, b| a.cost.total_cmp(&b.cost)).filter(gains);
+        let Some(best) = best else { return (found, steps) };
         (self.progress)("beside another law");
         let (wider, added) = self.forward(best, Vec::new(), Lead::Evidence);
         // The looks of a way do not come to the end.

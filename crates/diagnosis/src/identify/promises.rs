@@ -94,24 +94,32 @@ fn lines(effect: &dyn Effect, start: &[f64], change: impl Fn(Vec<f64>) -> Vec<f6
     }
 }
 
+/// What effects outside a model are tested against.
+struct ScoreTest<'a> {
+    /// The model's own simulation.
+    base: Base<'a>,
+    /// What its constants see of the residual.
+    pull: DVector<f64>,
+}
+
 impl Fit {
     /// Expected gain of each effect outside the model (score test; Rao 1948), with its best start.
     pub fn promises(&self, replay: &Replay, scales: &Scales, excluded: &[&str]) -> Promises {
         let fine = self.weighted_residual(replay.data);
         let base = Base::new(&self.model, replay, Steps::Coarse, &fine);
-        // Computed before the threads start: otherwise they would wait for each other.
-        self.sensitivities(replay.data);
+        // The sensitivities are computed before the threads start: otherwise they would wait for each other.
+        let test = ScoreTest { base, pull: self.along_own(replay.data, &self.residual) };
         let candidates: Vec<(usize, Vec<f64>)> = CATALOGUE
             .iter()
             .enumerate()
             .filter(|(_, effect)| !self.model.has(effect.about().id) && !excluded.contains(&effect.about().id))
             .filter(|(_, effect)| self.model.alone(**effect) != Some(Alone::Never))
             .flat_map(|(index, effect)| {
-                let starts = self.screened(&base, *effect, effect.starts(scales));
+                let starts = self.screened(&test, *effect, effect.starts(scales));
                 starts.into_iter().map(move |start| (index, start))
             })
             .collect();
-        let mut all: Vec<Promise> = parallel::map(candidates, |(effect, start)| self.promise(&base, effect, start));
+        let mut all: Vec<Promise> = parallel::map(candidates, |(effect, start)| self.promise(&test, effect, start));
         all.sort_by(|a, b| b.gain.total_cmp(&a.gain));
         let mut best: Vec<Promise> = Vec::new();
         for promise in all {
@@ -124,23 +132,22 @@ impl Fit {
                 }
             }
         }
-        let together = self.promising_together(replay.data, &best);
+        let together = self.promising_together(replay.data, &test.pull, &best);
         best.truncate(REFINED);
         let least = LEAST_PROMISE.max(WORTH_A_WALK * best.first().map_or(0.0, |promise| promise.gain));
-        let mut best: Vec<Promise> = parallel::map(best, |promise| self.refined(&base, scales, promise, least));
+        let mut best: Vec<Promise> = parallel::map(best, |promise| self.refined(&test, scales, promise, least));
         best.sort_by(|a, b| b.gain.total_cmp(&a.gain));
         Promises { alone: best, together }
     }
 
     /// The best effect beside one of the usual ones, where the two promise more than any alone, and much more than one by one.
     /// The linear motor's viscous friction lies between a constant and a growing one, and hides both.
-    fn promising_together(&self, data: &Dataset, alone: &[Promise]) -> Option<[EffectStart; 2]> {
-        let pull = self.along_own(data, &self.residual);
+    fn promising_together(&self, data: &Dataset, pull: &DVector<f64>, alone: &[Promise]) -> Option<[EffectStart; 2]> {
         let is_linear = |promise: &&Promise| CATALOGUE[promise.effect].about().linear_in > 0;
         let usual = alone.iter().filter(is_linear).filter(|one| USUAL.contains(&CATALOGUE[one.effect].about().id));
         let pairs = usual.flat_map(|one| {
             let others = alone.iter().filter(is_linear).filter(|other| other.effect != one.effect);
-            others.filter_map(|other| self.together(data, &pull, one, other))
+            others.filter_map(|other| self.together(data, pull, one, other))
         });
         let (gain, best) = pairs.max_by(|a, b| a.0.total_cmp(&b.0))?;
         let best_alone = alone.first().map_or(0.0, |promise| promise.gain);
@@ -165,35 +172,38 @@ impl Fit {
     }
 
     /// The starts of an effect that are worth a simulation.
-    fn screened(&self, base: &Base, effect: &dyn Effect, starts: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
+    fn screened(&self, test: &ScoreTest, effect: &dyn Effect, starts: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
         if !effect.about().responds_linearly || starts.len() <= SCREENED {
             return starts;
         }
+        let ScoreTest { base, pull } = test;
         let mut promised: Vec<(f64, Vec<f64>)> = parallel::map(starts, |start| {
             let change = |values: Vec<f64>| base.change_by_linear_response(&self.model, effect, &values);
-            (self.gain(base.replay.data, lines(effect, &start, change)).0, start)
+            (self.gain(base.replay.data, pull, lines(effect, &start, change)).0, start)
         });
         promised.sort_by(|a, b| b.0.total_cmp(&a.0));
         promised.into_iter().take(SCREENED).map(|(_, start)| start).collect()
     }
 
     /// A better start near the best of the catalogue's.
-    fn refined(&self, base: &Base, scales: &Scales, promise: Promise, worth_a_walk: f64) -> Promise {
+    fn refined(&self, test: &ScoreTest, scales: &Scales, promise: Promise, worth_a_walk: f64) -> Promise {
+        if promise.gain <= worth_a_walk {
+            return promise;
+        }
         match CATALOGUE[promise.effect].spacing(scales) {
-            Some((index, spacing)) => self.between(base, promise, index, spacing),
-            None if promise.gain > worth_a_walk => self.uphill(base, promise),
-            None => promise,
+            Some((index, spacing)) => self.between(test, promise, index, spacing),
+            None => self.uphill(test, promise),
         }
     }
 
     /// Halves the distance between the alternatives of a nonlinear constant repeatedly around the best.
-    fn between(&self, base: &Base, mut promise: Promise, index: usize, spacing: f64) -> Promise {
+    fn between(&self, test: &ScoreTest, mut promise: Promise, index: usize, spacing: f64) -> Promise {
         for round in 1..=REFINEMENTS {
             let distance = spacing / f64::from(1 << round);
             for side in [-distance, distance] {
                 let mut start = promise.start.clone();
                 start[index] += side;
-                let other = self.promise(base, promise.effect, start);
+                let other = self.promise(test, promise.effect, start);
                 if other.gain > promise.gain {
                     promise.improve(other);
                 }
@@ -203,10 +213,10 @@ impl Fit {
     }
 
     /// Moves to a neighbour while it promises more.
-    fn uphill(&self, base: &Base, mut promise: Promise) -> Promise {
+    fn uphill(&self, test: &ScoreTest, mut promise: Promise) -> Promise {
         for _ in 0..MOST_NEIGHBOURS {
             let neighbours = CATALOGUE[promise.effect].neighbours(&promise.start);
-            let others = parallel::map(neighbours, |start| self.promise(base, promise.effect, start));
+            let others = parallel::map(neighbours, |start| self.promise(test, promise.effect, start));
             match others.into_iter().max_by(|a, b| a.gain.total_cmp(&b.gain)) {
                 Some(better) if better.gain > promise.gain => promise.improve(better),
                 _ => break,
@@ -215,10 +225,10 @@ impl Fit {
         promise
     }
 
-    fn promise(&self, base: &Base, index: usize, start: Vec<f64>) -> Promise {
+    fn promise(&self, ScoreTest { base, pull }: &ScoreTest, index: usize, start: Vec<f64>) -> Promise {
         let effect = CATALOGUE[index];
         let change = |values| base.change(&self.model.with(effect, values), effect.changes_motion());
-        let (gain, factors, lines) = self.gain(base.replay.data, lines(effect, &start, change));
+        let (gain, factors, lines) = self.gain(base.replay.data, pull, lines(effect, &start, change));
         // If the effect is not linear, the whole step is evaluated, not the best multiple of it.
         let gain = match effect.about().linear_in {
             0 => gain.min(self.gain_of_whole(&lines[0].change).max(0.25 * gain)),
@@ -234,7 +244,7 @@ impl Fit {
     /// Expected fall of the cost if what `other` reads of the same motor differently is in the data, by any factor.
     pub fn promised_by(&self, data: &Dataset, other: &Fit) -> f64 {
         let change = other.residual.iter().zip(&self.residual).map(|(there, here)| there - here).collect();
-        self.gain(data, vec![change]).0
+        self.gain(data, &self.along_own(data, &self.residual), vec![change]).0
     }
 
     fn gain_of_whole(&self, change: &[f64]) -> f64 {
@@ -242,10 +252,9 @@ impl Fit {
     }
 
     /// Best combination of new columns beside the model's own: gain, factors, and the columns.
-    fn gain(&self, data: &Dataset, changes: Vec<Vec<f64>>) -> (f64, Vec<f64>, Vec<Line>) {
+    fn gain(&self, data: &Dataset, pull: &DVector<f64>, changes: Vec<Vec<f64>>) -> (f64, Vec<f64>, Vec<Line>) {
         let lines: Vec<Line> = changes.into_iter().map(|change| self.line(data, change)).collect();
-        let pull = self.along_own(data, &self.residual);
-        let (gain, factors) = self.least_squares(data, &pull, &lines.iter().collect::<Vec<_>>());
+        let (gain, factors) = self.least_squares(data, pull, &lines.iter().collect::<Vec<_>>());
         (gain, factors, lines)
     }
 
