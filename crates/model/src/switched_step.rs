@@ -182,7 +182,7 @@ impl Shaft<'_> {
     }
 
     /// What is reached in the direction of the motion, if the shaft does not stop.
-    // Apart from what follows a stop: returned together with that, its numbers would be waited for.
+    // Inlined, and apart from a stop: its numbers stay in registers. Those that pass through memory are waited for.
     #[inline(always)]
     fn keeps_moving(&self, from: State, sense: f64, length: &Length) -> Option<State> {
         let end = self.moved(from, sense, length);

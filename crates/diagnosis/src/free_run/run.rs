@@ -141,7 +141,7 @@ struct Stepper {
 
 impl Stepper {
     /// From a current and a speed.
-    // Returned through memory, its numbers would be waited for.
+    // Inlined: its numbers stay in registers. Those that pass through memory are waited for.
     #[inline(always)]
     fn take<const AS_IT_IS: bool>(
         &mut self,
