@@ -20,3 +20,23 @@ pub fn median(values: impl Iterator<Item = f64>) -> f64 {
     let middle = values.len() / 2;
     *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Wherever it stands, also in a column of no whole number of eights.
+    #[test]
+    fn the_greatest_is_found_beside_missing_values() {
+        assert_eq!(greatest(&[]), 0.0);
+        assert_eq!(greatest(&[f64::NAN]), 0.0);
+        for length in 1..20 {
+            for place in 0..length {
+                let mut values = vec![1.0; length];
+                values[(place + 1) % length] = f64::NAN;
+                values[place] = -3.0;
+                assert_eq!(greatest(&values), 3.0, "{place} of {length}");
+            }
+        }
+    }
+}

@@ -307,3 +307,43 @@ impl Search for Backlash {
         near.into_iter().chain(with_contacts).collect()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const FRICTION_NM: f64 = 0.004;
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(256))]
+        /// What a held motor and its load reach at once is what they reach in short parts. Where a flank is met, or the motor
+        /// is not held, nothing is taken at once.
+        #[test]
+        fn a_held_motor_waits_as_in_short_parts(
+            twist_rad in -0.06f64..0.06,
+            load_rad_per_s in -200.0f64..200.0,
+            drive_nm in -0.008f64..0.008,
+            moves: bool,
+        ) {
+            let terms =
+                Balance { dry_forward_nm: FRICTION_NM, dry_backward_nm: FRICTION_NM, ..Balance::default() };
+            let speed = if moves { 1.0 } else { 0.0 };
+            let values = [0.1, 0.4, HARD[0], HARD[1]];
+            let begin = || Sides::new(&values, &MotorParameters::PIVT6, &[twist_rad, load_rad_per_s], speed);
+            let (mut at_once, mut in_parts) = (begin(), begin());
+            let waits = at_once.waits_in_the_gap(LONGEST_STEP_S, drive_nm, &terms);
+            in_parts.in_parts(LONGEST_STEP_S, drive_nm, &terms);
+            let later_rad = twist_rad - load_rad_per_s * LONGEST_STEP_S;
+            let is_in_the_gap = twist_rad.abs() <= 0.05 && later_rad.abs() <= 0.05;
+            prop_assert_eq!(waits, !moves && drive_nm.abs() <= FRICTION_NM && is_in_the_gap);
+            if waits {
+                prop_assert!((at_once.twist_rad - in_parts.twist_rad).abs() < 1e-12);
+                prop_assert_eq!(at_once.load_rad_per_s, in_parts.load_rad_per_s);
+                prop_assert_eq!((at_once.motor_rad_per_s, in_parts.motor_rad_per_s), (0.0, 0.0));
+            } else {
+                prop_assert_eq!(at_once.twist_rad, twist_rad);
+            }
+        }
+    }
+}
