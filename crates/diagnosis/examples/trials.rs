@@ -60,7 +60,7 @@ const KINDS: [Kind; 24] = [
     Kind::new("levels", "one effect, driven by random levels only"),
     Kind::new(
         "binary",
-        "one effect on the rig with friction and bridge drop, driven by plus and minus one voltage at random, behind which a drop cannot be seen",
+        "one effect on the rig with friction and bridge drop, driven by plus or minus one voltage at random: no drop shows",
     ),
     Kind::new("closed-loop", "one effect, recorded in a closed speed loop"),
     Kind::new("slow", "one effect on the rig with friction and bridge drop, recorded at 200 Hz"),

@@ -10,7 +10,7 @@ use motorbench_model::between_rows::Bulge;
 use motorbench_model::catalogue::{ActsOn, Balance, Effect, Instant};
 use motorbench_model::linear::motor_model::TimeConstants;
 use motorbench_model::motor::MotorParameters;
-use motorbench_model::pwm_period::{Course, Ripple, Volts};
+use motorbench_model::pwm_period::{Ripple, Volts};
 use motorbench_model::{Input, Late, LinearSteps, Model, Reached, SAME_LENGTH_S, SwitchedStep, Term, volts};
 use std::collections::VecDeque;
 use std::ops::Range;
@@ -196,11 +196,6 @@ impl Before {
         let now = Self::new(motor, at, &added);
         Self { volts: Volts { drops: self.volts.drops, ..now.volts }, ..now }
     }
-
-    #[inline]
-    fn is_driven(&self) -> bool {
-        !self.open && self.duty != 0.0
-    }
 }
 
 impl<'a> Run<'a> {
@@ -309,14 +304,7 @@ impl<'a> Run<'a> {
             charge += piece.length_s * self.simulate::<AS_IT_IS>(index, piece, sampled_at.is_some());
         }
         if let Some((sampled_at, before)) = sampled_at.zip(self.before.as_ref()) {
-            self.ripple_a = match (before.is_driven(), &self.filter) {
-                (false, _) => 0.0,
-                (true, None) => self.above_mean_a(before, sampled_at),
-                (true, Some(filter)) => {
-                    let share = share_of_period(sampled_at - data.origin.pulse.begins_at(before.duty));
-                    self.course(before).filtered_above_mean_a(share, filter.memory)
-                }
-            };
+            self.ripple_a = self.above_mean_a(before, sampled_at, self.filter.as_ref());
         }
         for term in self.angle_sensor.iter().filter(|_| !AS_IT_IS) {
             self.lost_rad += term.effect.lost_rad_per_s(&term.values, self.speed_rad_per_s) * interval_s;
@@ -435,14 +423,14 @@ impl<'a> Run<'a> {
     /// inductance.
     fn change_duty(&mut self, at: &Instant) {
         let takes_at = self.data.origin.takes_duty_at(at.time_s);
-        let above_a = self.before.as_ref().map_or(0.0, |before| self.above_mean_a(before, takes_at));
+        let above_a = self.before.as_ref().map_or(0.0, |before| self.above_mean_a(before, takes_at, None));
         self.change_ripple(at.duty);
         let motor = &self.model.motor;
         let now = match &self.before {
             Some(before) => before.with(motor, at),
             None => Before::new(motor, at, &Balance::default()),
         };
-        self.current_a += above_a - self.above_mean_a(&now, takes_at);
+        self.current_a += above_a - self.above_mean_a(&now, takes_at, None);
     }
 
     /// The PWM with a duty, which is the same for many steps.
@@ -454,19 +442,17 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Current at a share of a period, less its mean.
+    /// Current at a share of a period, less its mean; behind a low-pass, if there is one.
     #[inline]
-    fn above_mean_a(&self, driven: &Before, share: f64) -> f64 {
-        if !driven.is_driven() {
+    fn above_mean_a(&self, driven: &Before, share: f64, filter: Option<&Filter>) -> f64 {
+        if driven.open || driven.duty == 0.0 {
             return 0.0;
         }
-        let since_pulse = share - self.data.origin.pulse.begins_at(driven.duty);
-        self.course(driven).above_mean_a(share_of_period(since_pulse))
-    }
-
-    /// The current through a period from the begin of its pulse.
-    #[inline]
-    fn course(&self, driven: &Before) -> Course {
-        self.driven.1.course(driven.current_a, &driven.volts)
+        let since_pulse = share_of_period(share - self.data.origin.pulse.begins_at(driven.duty));
+        let course = self.driven.1.course(driven.current_a, &driven.volts);
+        match filter {
+            None => course.above_mean_a(since_pulse),
+            Some(filter) => course.filtered_above_mean_a(since_pulse, filter.memory),
+        }
     }
 }

@@ -347,10 +347,14 @@ fn a_moving_average_is_no_lag() {
         let _ = writeln!(text, "{time_s:.3},{:.5},{speed:.4},{current:.5}", command(*time_s));
     }
     // The rig file says nothing, or the length as people count it: readings times interval, or from first to last.
+    let stated = |intervals: usize| Some(intervals as f64 * 0.01);
     let of_readings = format!("the mean of the last {readings} readings");
-    // A mean over the same time differs by little.
-    let stated = if random.random() { (readings, of_readings.as_str()) } else { (readings - 1, "") };
-    for (window_s, told) in [(None, "a mean over the last"), (Some(stated.0 as f64 * 0.01), stated.1)] {
+    for (window_s, told) in [
+        (None, "a mean over the last"),
+        (stated(readings), of_readings.as_str()),
+        // A mean over the same time differs by little.
+        (stated(readings - 1), ""),
+    ] {
         let found = diagnosed(&text, window_s, "");
         let case = format!("seed {seed}, {readings} readings, {window_s:?}");
         assert_eq!(names(&found), ["coulomb_friction", "voltage_drop"], "{case}: {found:?}");
