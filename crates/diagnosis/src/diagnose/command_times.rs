@@ -8,7 +8,7 @@ use crate::configuration::diagnose::command_times::{
     ANSWER_S, CLOSER, EARLIER, LEAST_CHANGE, LEAST_GAIN_OF_CLOSE_ROWS, RARELY, ROUNDS_APART, ROUNDS_TOGETHER, SHIFT,
     SHORTEST_ROW_S,
 };
-use crate::dataset::{Dataset, LONG_ROW};
+use crate::dataset::{Dataset, LONG_ROW, greatest};
 use crate::free_run::free_run;
 use crate::identify::{Effort, Fit, Prior, fit};
 use crate::parallel;
@@ -116,7 +116,7 @@ fn rounds(sought: &[usize]) -> impl Iterator<Item = Vec<usize>> {
 /// The `chosen` rows whose command differs clearly from the one before.
 fn sought(data: &Dataset, chosen: impl Fn(usize) -> bool) -> Vec<usize> {
     let volts = &data.command;
-    let greatest_v = volts.iter().fold(0.0, |greatest: f64, volts| greatest.max(volts.abs()));
+    let greatest_v = greatest(volts);
     let changes = |row: usize| (volts[row] - volts[row - 1]).abs() > LEAST_CHANGE * greatest_v;
     let rows = data.stretches.iter().flat_map(|stretch| stretch.rows.clone().skip(1));
     rows.filter(|row| changes(*row) && chosen(*row)).collect()

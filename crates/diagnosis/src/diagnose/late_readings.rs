@@ -83,7 +83,7 @@ fn beginnings(data: &Dataset, usual: &Model, expected: &[f64], prior: &Prior) ->
 
 /// A model whose friction takes this share of the greatest command, with the speed of the usual one at that command.
 fn with_friction_alone(usual: &Model, data: &Dataset, share: f64, prior: &Prior) -> Model {
-    let most_v = data.command.iter().fold(0.0, |most, volts| f64::max(most, volts.abs()));
+    let most_v = greatest(&data.command);
     let of_usual_v = usual.dead_band_v(Direction::Forward, most_v).min(MOST_DEAD * most_v);
     let mut as_fast = Model::linear(usual.motor);
     as_fast.motor.torque_constant_nm_per_a *= (1.0 - share) * most_v / (most_v - of_usual_v);
