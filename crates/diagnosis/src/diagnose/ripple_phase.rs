@@ -8,7 +8,7 @@ use crate::configuration::diagnose::ripple_phase::{
 use crate::dataset::{Dataset, Output, Stretch};
 use crate::identify::{Effort, Fit, Prior, fit, scales};
 use crate::parallel;
-use motorbench_model::catalogue::{Effect, Parameter, effect};
+use motorbench_model::catalogue::{Effect, effect};
 use std::f64::consts::{PI, TAU};
 use std::ops::Range;
 
@@ -32,7 +32,7 @@ pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {
 
 /// The data with the angle from the ripple, and starting values of the effect.
 fn with_angle_by_ripple(data: &Dataset, found: &Fit, effect: &dyn Effect) -> Option<(Dataset, Vec<f64>)> {
-    let place = effect.about().parameters.iter().position(Parameter::is_number)?;
+    let place = effect.about().number()?;
     let starts = effect.starts(&scales(&found.model.motor, data));
     let mut ripple = Ripple::new(data, found);
     let explained: Vec<f64> = parallel::map(&starts, |start| ripple.explained(start[place]));

@@ -73,9 +73,7 @@ fn evenly(low: f64, high: f64, bins: usize) -> Vec<f64> {
 
 /// Waves that the effect has in a turn.
 fn waves(term: &Term) -> usize {
-    let constants = term.effect.about().parameters.iter().zip(&term.values);
-    let mut numbers = constants.filter(|(constant, _)| constant.is_number()).map(|(_, value)| *value as usize);
-    numbers.next().unwrap_or(1)
+    term.effect.about().number().map_or(1, |place| term.values[place] as usize)
 }
 
 /// The coordinate at an instant. The time since a step is no matter of an instant.

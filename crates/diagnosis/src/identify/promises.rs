@@ -9,8 +9,10 @@ use crate::configuration::identify::promises::{
 use crate::dataset::Dataset;
 use crate::free_run::{Replay, Steps};
 use crate::parallel;
+use motorbench_model::Term;
 use motorbench_model::catalogue::{Alone, CATALOGUE, Effect, Scales, USUAL};
 use nalgebra::{DMatrix, DVector};
+use statrs::distribution::{ContinuousCDF, Gamma};
 
 /// Expected gain of adding an effect, from the first derivatives alone.
 #[derive(Clone, Debug)]
@@ -185,6 +187,29 @@ impl Fit {
         promised.into_iter().take(SCREENED).map(|(_, start)| start).collect()
     }
 
+    /// By how much the number of a wave outside the model stands out from the effect's other numbers, in natural units; zero
+    /// for what has no number. What the others gain beside it is not in the data, whatever the laws leave out: sums of squares
+    /// of two amplitudes, as a gamma distribution, of which the best was chosen (as for the lines of a periodogram: Scargle,
+    /// Astrophysical Journal 263 (1982)).
+    pub fn number_stands_out(&self, replay: &Replay, scales: &Scales, wave: &Term) -> f64 {
+        let Some(index) = wave.effect.about().number() else { return 0.0 };
+        let fine = self.weighted_residual(replay.data);
+        let base = Base::new(&self.model, replay, Steps::Coarse, &fine);
+        let test = ScoreTest { base, pull: self.along_own(replay.data, &self.residual) };
+        let (own, _, own_lines) = self.simulated(&test, wave.effect, &wave.values);
+        let others = wave.effect.starts(scales).into_iter().filter(|start| start[index] != wave.values[index]);
+        let others: Vec<f64> = parallel::map(others, |start| {
+            let (_, _, lines) = self.simulated(&test, wave.effect, &start);
+            let both: Vec<&Line> = own_lines.iter().chain(&lines).collect();
+            self.least_squares(replay.data, &test.pull, &both).0 - own
+        });
+        let count = others.len() as f64;
+        let mean = others.iter().sum::<f64>() / count;
+        let variance = others.iter().map(|other| (other - mean).powi(2)).sum::<f64>() / (count - 1.0);
+        let by_chance = Gamma::new(mean * mean / variance, mean / variance);
+        by_chance.map_or(0.0, |gains| -((1.0 + count) * gains.sf(own)).ln())
+    }
+
     /// A better start near the best of the catalogue's.
     fn refined(&self, test: &ScoreTest, scales: &Scales, promise: Promise, worth_a_walk: f64) -> Promise {
         if promise.gain <= worth_a_walk {
@@ -225,10 +250,20 @@ impl Fit {
         promise
     }
 
-    fn promise(&self, ScoreTest { base, pull }: &ScoreTest, index: usize, start: Vec<f64>) -> Promise {
-        let effect = CATALOGUE[index];
+    /// Best combination of what an effect changes in a simulation, as [`Self::gain`].
+    fn simulated(
+        &self,
+        ScoreTest { base, pull }: &ScoreTest,
+        effect: &'static dyn Effect,
+        start: &[f64],
+    ) -> (f64, Vec<f64>, Vec<Line>) {
         let change = |values| base.change(&self.model.with(effect, values), effect.changes_motion());
-        let (gain, factors, lines) = self.gain(base.replay.data, pull, lines(effect, &start, change));
+        self.gain(base.replay.data, pull, lines(effect, start, change))
+    }
+
+    fn promise(&self, test: &ScoreTest, index: usize, start: Vec<f64>) -> Promise {
+        let effect = CATALOGUE[index];
+        let (gain, factors, lines) = self.simulated(test, effect, &start);
         // If the effect is not linear, the whole step is evaluated, not the best multiple of it.
         let gain = match effect.about().linear_in {
             0 => gain.min(self.gain_of_whole(&lines[0].change).max(0.25 * gain)),

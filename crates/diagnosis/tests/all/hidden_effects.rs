@@ -5,7 +5,7 @@
 
 use crate::benches::{assert_found, assert_is_named, clean, in_the_suite, in_turn, short};
 use crate::fresh_seed;
-use crate::scoring::{diagnosed, recipe};
+use crate::scoring::{diagnosed, hidden, named, recipe};
 use hidden_effects::{Channels, Effect, Recipe, draw};
 use motorbench_data::recording::Recording;
 use motorbench_data::rig::{NominalMotor, Rig};
@@ -140,6 +140,38 @@ fn a_torque_constant_may_vary_over_the_angle() {
             let found = cause.parameters[*name].value;
             assert!((found / hidden - 1.0).abs() < 0.1, "seed {seed}: {name} is {found} for {hidden}");
         }
+    }
+}
+
+/// A wave on a rig with friction and drop, far below what matters to most: as a rule it lowers the error by a few percent.
+fn of_a_small_wave(effect: Effect, strength: f64) -> Recipe {
+    let mut recipe = short(Recipe::of(&[effect]).on_real_rig());
+    recipe.effects[0].1 = strength;
+    recipe
+}
+
+#[test]
+fn a_small_wave_is_found_by_its_number() {
+    let benches = [(109, Effect::CommutationRipple, 0.0), (107, Effect::Cogging, -0.4), (102, Effect::Cogging, -0.4)];
+    for (seed, effect, strength) in in_the_suite(benches) {
+        assert_found(seed, &of_a_small_wave(effect, strength));
+    }
+}
+
+/// It may be too small to be found. No other wave takes its place.
+#[test]
+fn a_small_wave_has_no_other_number() {
+    let seed = fresh_seed();
+    let effect = [Effect::CommutationRipple, Effect::Cogging][(seed % 2) as usize];
+    let trial = draw(seed, &of_a_small_wave(effect, -0.1 * (seed % 8) as f64));
+    let outcome = diagnosed(&trial).outcome;
+    let hidden = hidden(&trial);
+    let is_hidden = |name: &String| hidden.contains(&name.as_str());
+    assert!(named(&outcome, &hidden).iter().all(is_hidden), "seed {seed}: {outcome:?}");
+    let (_, constants) = trial.truth.effects.iter().find(|(id, _)| *id == effect).expect("it is hidden");
+    let (name, number) = constants.iter().find(|(name, _)| name.ends_with("per_rev")).expect("it has a number");
+    if let Some(cause) = outcome.causes.iter().find(|cause| cause.effect == effect.id()) {
+        assert_eq!(cause.parameters[*name].value, *number, "seed {seed}: {outcome:?}");
     }
 }
 

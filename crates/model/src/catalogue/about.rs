@@ -231,6 +231,11 @@ impl About {
         if self.strengths.is_empty() && !linear.is_empty() { vec![linear] } else { self.strengths.to_vec() }
     }
 
+    /// The place of its number of periods among its constants, if it has one.
+    pub fn number(&self) -> Option<usize> {
+        self.parameters.iter().position(Parameter::is_number)
+    }
+
     /// Whether it adds terms to the balances of the motor.
     pub fn acts_on_motor(&self) -> bool {
         self.sensor.is_none() && !self.is_delay

@@ -14,7 +14,7 @@ use crate::diagnose::data_sheet::squared_deviations;
 use crate::diagnose::judge::{NOT_NOISE, VERY_STRONG_NATS, evidence_nats};
 use crate::identify::{Effort, Fit, fit, scales};
 use crate::parallel;
-use motorbench_model::catalogue::{Alone, CATALOGUE, DryLosses, Effect, INDUCTANCE, Parameter, USUAL, effect};
+use motorbench_model::catalogue::{Alone, CATALOGUE, DryLosses, Effect, INDUCTANCE, USUAL, effect};
 use motorbench_model::motor::MotorParameters;
 use motorbench_model::{Model, Term};
 
@@ -142,7 +142,9 @@ impl Chooser<'_> {
                 || is_usual
                     && (own.share > LEAST_SHARE || moves_the_motor(current, &without))
                     && nats + 0.5 * more_deviation > VERY_STRONG_NATS
-                || is_very_strong(nats) && self.names_with_other_parts(&own, &without, current, nats))
+                || is_very_strong(nats)
+                    && (self.names_by_number(&own, &without, current, term)
+                        || self.names_with_other_parts(&own, &without, current, nats)))
             && self.number_matters(current, &without, id)
             && self.law_matters(current, &without, id);
         Check { id, without, own, stands, is_named }
@@ -151,9 +153,11 @@ impl Chooser<'_> {
     /// Whether the evidence names an effect once every part of the data has been held out in turn: what acts in a few moments
     /// alone, such as a sag at a high current, may hardly show in one part.
     pub(super) fn names_with_other_parts(&self, own: &Gain, without: &Fit, current: &Fit, nats: f64) -> bool {
-        if own.sigmas <= 0.0 {
-            return false;
-        }
+        own.sigmas > 0.0 && names_by_evidence(&self.with_other_parts(own, without, current), nats)
+    }
+
+    /// What an effect gains in every part of the data, held out in turn.
+    fn with_other_parts(&self, own: &Gain, without: &Fit, current: &Fit) -> Gain {
         let in_part = |part: Dataset| {
             let [before, after] = [without, current].map(|found| fit(&found.model, &part, self.prior, Effort::CHECK));
             gain_over(&part, &before, &after)
@@ -162,7 +166,17 @@ impl Chooser<'_> {
         let count = parts.len() as f64;
         let sum = |of: fn(&Gain) -> f64| parts.iter().map(of).sum::<f64>();
         let sigmas = sum(|gain| gain.sigmas) / count.sqrt();
-        names_by_evidence(&Gain { sigmas, share: sum(|gain| gain.share) / count, rmse: Vec::new() }, nats)
+        Gain { sigmas, share: sum(|gain| gain.share) / count, rmse: Vec::new() }
+    }
+
+    /// Whether the data show a wave by its number, with very strong evidence among the others, and each part agrees that was held
+    /// out. What another law leaves out has no number, so the gain may be small.
+    pub(super) fn names_by_number(&self, own: &Gain, without: &Fit, current: &Fit, wave: &Term) -> bool {
+        let scales = scales(&without.model.motor, self.data);
+        let stands_out = || without.number_stands_out(&self.fits.replay, &scales, wave) > VERY_STRONG_NATS;
+        let is_confirmed =
+            || own.sigmas > CONFIRMED_SIGMAS || self.with_other_parts(own, without, current).sigmas > CONFIRMED_SIGMAS;
+        own.sigmas > 0.0 && stands_out() && is_confirmed()
     }
 
     /// Whether a model explains less, by the held-out data or by very strong evidence.
@@ -219,9 +233,9 @@ impl Chooser<'_> {
 
     /// Whether other numbers of periods would do worse, if an effect has such a number. If any number does as well, the
     /// wave only helps the simulated motor out of standstill.
-    fn number_matters(&self, current: &Fit, without: &Fit, id: &str) -> bool {
+    pub(super) fn number_matters(&self, current: &Fit, without: &Fit, id: &str) -> bool {
         let term = current.model.term(id).expect("one of its own terms");
-        let Some(index) = term.effect.about().parameters.iter().position(Parameter::is_number) else { return true };
+        let Some(index) = term.effect.about().number() else { return true };
         let starts = term.effect.starts(&scales(&without.model.motor, self.data)).into_iter();
         let others: Vec<f64> = starts.map(|start| start[index]).filter(|other| *other != term.values[index]).collect();
         let looked_at: Vec<f64> = others.iter().step_by(others.len().div_ceil(OTHER_NUMBERS).max(1)).copied().collect();

@@ -44,6 +44,9 @@ impl Chooser<'_> {
                 chosen = significant(&fits[..1]);
             }
             let has_rest = above_floor(self.data, &current) > NOT_NOISE;
+            if chosen.is_none() && (lead != Lead::Cost || !has_rest) {
+                chosen = self.first_by_number(&current, &fits);
+            }
             if chosen.is_none() && lead == Lead::Significance && !has_rest {
                 chosen = self.first_in_other_parts(&current, &fits);
             }
@@ -113,6 +116,18 @@ impl Chooser<'_> {
         let gains = fits.iter().map(|fit| (self.gain(current, fit), evidence_nats(self.data, current, fit)));
         let (index, (gain, _)) = gains.enumerate().find(|(_, (gain, nats))| names_by_evidence(gain, *nats))?;
         Some((index, gain))
+    }
+
+    /// A wave that its number shows, however small it is.
+    fn first_by_number(&self, current: &Fit, fits: &[Fit]) -> Option<(usize, Gain)> {
+        fits.iter().enumerate().find_map(|(index, fit)| {
+            let wave = fit.model.terms.iter().find(|term| !current.model.has(term.id()))?;
+            let own = self.gain(current, fit);
+            let is_named = is_very_strong(evidence_nats(self.data, current, fit))
+                && self.names_by_number(&own, current, fit, wave)
+                && self.number_matters(fit, current, wave.id());
+            is_named.then_some((index, own))
+        })
     }
 
     /// What acts in a few moments alone may hardly show in the part that is held out, nor in the mean of what is left.
