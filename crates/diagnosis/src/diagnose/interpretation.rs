@@ -2,6 +2,7 @@
 //! effects are selected anew.
 
 use super::bad_stretches::{LEFT_OF_REST, MOST_PLACES};
+use super::causes::is_between_rows;
 use super::channels::excluded;
 use super::hidden_drop::HiddenDrop;
 use super::judge::{self, AS_GOOD, NOT_NOISE, VERY_STRONG_NATS, above_floor};
@@ -15,8 +16,8 @@ use super::{
 };
 use crate::configuration::diagnose::interpretation::BEYOND_DOUBT_SIGMAS;
 use crate::dataset::Dataset;
-use crate::identify::{Effort, Fit, Interval, Prior, fit, has_unknown_torque_scale};
-use motorbench_model::catalogue::{ACTUATION_DELAY, About, USUAL, effect};
+use crate::identify::{Effort, Fit, Interval, Prior, Z95, fit, has_unknown_torque_scale};
+use motorbench_model::catalogue::{ACTUATION_DELAY, About, INDUCTANCE, USUAL, effect};
 use motorbench_model::linear::motor_model::TimeConstants;
 use motorbench_model::{Model, Term};
 use std::cmp::Ordering;
@@ -31,6 +32,8 @@ pub(super) struct Interpretation {
     pub last: Fit,
     /// Intervals of its constants by other laws of the same effects that explain as much.
     pub by_other_laws: Vec<Vec<Interval>>,
+    /// What the winding has at least beside a delay that neither the rig file nor the model has.
+    pub least_inductance_h: Option<f64>,
 }
 
 impl Interpretation {
@@ -51,7 +54,7 @@ impl Interpretation {
                 by_other_laws.push(better.uncertainty(&everything).intervals());
             }
         }
-        Self { data, selection, fullest, last, by_other_laws }
+        Self { data, selection, fullest, last, by_other_laws, least_inductance_h: None }
     }
 
     /// The same behind a drop that the data do not show. It scales the voltage, so the same effects act.
@@ -99,7 +102,7 @@ impl Interpretation {
     }
 
     /// With a delay of the commands that the rig file does not state, where it has very strong evidence and explains too little to
-    /// be named. Without it, it would be inductance.
+    /// be named: without it, it would be inductance. Where it has none, what the winding has at least beside it.
     pub(super) fn with_unstated_delay(self, prior: &Prior) -> Self {
         let (data, last) = (&self.data, &self.selection.last);
         let is_open = data.origin.timing.command_delay_s.is_none() && !excluded(data).contains(&ACTUATION_DELAY);
@@ -112,7 +115,11 @@ impl Interpretation {
         let late = fit(&late, data, prior, Effort::FULL);
         let is_delay = judge::evidence_nats(data, last, &late) > VERY_STRONG_NATS;
         if !is_delay || judge::held_out_nats(data, last, &late) < 0.0 {
-            return self;
+            let winding = late.uncertainty(data).of(|model| model.motor.inductance_h);
+            let least_h = winding.value * (-Z95 * winding.deviation / winding.value).exp();
+            // What rows too far apart say of it comes from what the laws leave out.
+            let is_shown = !is_between_rows(INDUCTANCE, data, &late.model.motor);
+            return Self { least_inductance_h: is_shown.then_some(least_h), ..self };
         }
         let on_everything = fit(&late.model, &data.with_nothing_held_out(), prior, Effort::FULL);
         Self { selection: Selection { last: late, ..self.selection }, last: on_everything, ..self }

@@ -120,7 +120,7 @@ pub fn diagnose(recordings: &[Recording], rig: &Rig, progress: select::Progress)
         interpret = interpret.behind(drop, &prior, progress);
     }
     let (scale, interpret) = with_corrected_scale(interpret, &prior, progress);
-    let Interpretation { data, selection, fullest, last, by_other_laws } =
+    let Interpretation { data, selection, fullest, last, by_other_laws, least_inductance_h } =
         interpret.with_unnamed(&prior).with_unstated_delay(&prior).with_prior_weighed(&prior);
     let motion = data.motion_index();
     let fit_percent = judge::fit_percent(&data, &selection.last.prediction, motion);
@@ -147,7 +147,7 @@ pub fn diagnose(recordings: &[Recording], rig: &Rig, progress: select::Progress)
             losses,
             scale,
             hidden_drop,
-            timing_uncertainty: timing_uncertainty(&data, &last.model),
+            timing_uncertainty: timing_uncertainty(&data, &last.model, least_inductance_h),
             off_phase_spread: off_phase_spread(&data, &last.model),
         },
     );
@@ -247,8 +247,9 @@ fn off_phase_spread(data: &Dataset, model: &Model) -> f64 {
 
 /// Relative uncertainty of the inductance if the current is sampled anywhere in a PWM period, or if the command acts
 /// anywhere in the first half of its row: an unknown delay acts as more inductance, and a reading that is late as less. Without
-/// a current, the speed alone shows the inductance, and may be read anywhere in its row.
-fn timing_uncertainty(data: &Dataset, model: &Model) -> [f64; 2] {
+/// a current, the speed alone shows the inductance, and may be read anywhere in its row. `least_h`: what the winding has at
+/// least beside a delay.
+fn timing_uncertainty(data: &Dataset, model: &Model, least_h: Option<f64>) -> [f64; 2] {
     if data.current().is_none() {
         return [lateness_s(data) / TimeConstants::of(&model.motor).electromagnetic_s; 2];
     }
@@ -269,10 +270,16 @@ fn timing_uncertainty(data: &Dataset, model: &Model) -> [f64; 2] {
     let is_delay_known = timing.command_delay_s.is_some() || shows_slopes;
     let command_s = if is_delay_known { 0.0 } else { 0.5 * data.interval_s };
     let both_ways_s = uniform_deviation(sampling_s.hypot(command_s).hypot(waiting_s));
+    let winding_s = TimeConstants::of(&model.motor).electromagnetic_s;
     // A command is never early. Without a delay in the model, the winding may have less by the whole of it.
-    let whole_s = if model.has(ACTUATION_DELAY) { 0.0 } else { command_s / Z95 };
-    [both_ways_s.max(whole_s), both_ways_s]
-        .map(|lateness_s| lateness_s / TimeConstants::of(&model.motor).electromagnetic_s)
+    let less_s = match least_h.map(|least_h| (1.0 - least_h / model.motor.inductance_h) * winding_s) {
+        Some(left_open_s) => {
+            uniform_deviation(sampling_s.hypot(waiting_s)).hypot(left_open_s.clamp(0.0, command_s) / Z95)
+        }
+        None if model.has(ACTUATION_DELAY) => both_ways_s,
+        None => both_ways_s.max(command_s / Z95),
+    };
+    [less_s, both_ways_s].map(|lateness_s| lateness_s / winding_s)
 }
 
 /// Measured minus simulated, per quantity.

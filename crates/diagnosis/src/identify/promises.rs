@@ -188,26 +188,22 @@ impl Fit {
     }
 
     /// By how much the number of a wave outside the model stands out from the effect's other numbers, in natural units; zero
-    /// for what has no number. What the others gain beside it is not in the data, whatever the laws leave out: sums of squares
-    /// of two amplitudes, as a gamma distribution, of which the best was chosen (as for the lines of a periodogram: Scargle,
-    /// Astrophysical Journal 263 (1982)).
+    /// for what has no number. The others show what a wave gains that is not in the data, whatever the laws leave out: sums of
+    /// squares of two amplitudes, as a gamma distribution, of which the best was chosen (as for the lines of a periodogram:
+    /// Scargle, Astrophysical Journal 263 (1982)).
     pub fn number_stands_out(&self, replay: &Replay, scales: &Scales, wave: &Term) -> f64 {
         let Some(index) = wave.effect.about().number() else { return 0.0 };
         let fine = self.weighted_residual(replay.data);
         let base = Base::new(&self.model, replay, Steps::Coarse, &fine);
         let test = ScoreTest { base, pull: self.along_own(replay.data, &self.residual) };
-        let (own, _, own_lines) = self.simulated(&test, wave.effect, &wave.values);
+        let gain = |start: Vec<f64>| self.simulated(&test, wave.effect, &start).0;
         let others = wave.effect.starts(scales).into_iter().filter(|start| start[index] != wave.values[index]);
-        let others: Vec<f64> = parallel::map(others, |start| {
-            let (_, _, lines) = self.simulated(&test, wave.effect, &start);
-            let both: Vec<&Line> = own_lines.iter().chain(&lines).collect();
-            self.least_squares(replay.data, &test.pull, &both).0 - own
-        });
+        let others = parallel::map(others, gain);
         let count = others.len() as f64;
         let mean = others.iter().sum::<f64>() / count;
         let variance = others.iter().map(|other| (other - mean).powi(2)).sum::<f64>() / (count - 1.0);
         let by_chance = Gamma::new(mean * mean / variance, mean / variance);
-        by_chance.map_or(0.0, |gains| -((1.0 + count) * gains.sf(own)).ln())
+        by_chance.map_or(0.0, |gains| -((1.0 + count) * gains.sf(gain(wave.values.clone()))).ln())
     }
 
     /// A better start near the best of the catalogue's.

@@ -169,8 +169,8 @@ impl Chooser<'_> {
         Gain { sigmas, share: sum(|gain| gain.share) / count, rmse: Vec::new() }
     }
 
-    /// Whether the data show a wave by its number, with very strong evidence among the others, and each part agrees that was held
-    /// out. What another law leaves out has no number, so the gain may be small.
+    /// Whether the data show a wave by its number, with very strong evidence among the other numbers as well, and the parts agree
+    /// that were held out. What another law leaves out has no number, so the gain may be small.
     pub(super) fn names_by_number(&self, own: &Gain, without: &Fit, current: &Fit, wave: &Term) -> bool {
         let scales = scales(&without.model.motor, self.data);
         let stands_out = || without.number_stands_out(&self.fits.replay, &scales, wave) > VERY_STRONG_NATS;
