@@ -44,6 +44,7 @@ impl Chooser<'_> {
                 chosen = significant(&fits[..1]);
             }
             let has_rest = above_floor(self.data, &current) > NOT_NOISE;
+            // By cost, a wave comes when nothing greater remains.
             if chosen.is_none() && (lead != Lead::Cost || !has_rest) {
                 chosen = self.first_by_number(&current, &fits);
             }
