@@ -78,14 +78,8 @@ const KINDS: [Kind; 24] = [
         "one effect on the rig with friction and bridge drop, the speed read through a low-pass of a tachogenerator's or a program's",
     ),
     Kind::new("after", "one effect, each row with the command that had acted before it was read"),
-    Kind::new(
-        "window",
-        "one effect on the rig with friction and bridge drop, the speed a difference of counts over some rows",
-    ),
-    Kind::new(
-        "edges",
-        "one effect on that rig, the speed timed by the edges of a coarse encoder that the rig file does not name",
-    ),
+    Kind::new("window", "as `real`, the speed a difference of counts over some rows"),
+    Kind::new("edges", "as `real`, the speed timed by edges of a coarse encoder, not in the rig file"),
     Kind::new("timer", "one effect on that rig, the PWM of a timer of the Uno's that the rig file does not name"),
     Kind::new("burst", "one effect on that rig, each current the mean of conversions that ended with its row"),
     Kind::new(

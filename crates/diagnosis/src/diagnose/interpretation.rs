@@ -115,11 +115,13 @@ impl Interpretation {
         let late = fit(&late, data, prior, Effort::FULL);
         let is_delay = judge::evidence_nats(data, last, &late) > VERY_STRONG_NATS;
         if !is_delay || judge::held_out_nats(data, last, &late) < 0.0 {
-            let winding = late.uncertainty(data).of(|model| model.motor.inductance_h);
-            let least_h = winding.value * (-Z95 * winding.deviation / winding.value).exp();
+            let least_h = || {
+                let winding = late.uncertainty(data).of(|model| model.motor.inductance_h);
+                winding.value * (-Z95 * winding.deviation / winding.value).exp()
+            };
             // What rows too far apart say of it comes from what the laws leave out.
             let is_shown = !is_between_rows(INDUCTANCE, data, &late.model.motor);
-            return Self { least_inductance_h: is_shown.then_some(least_h), ..self };
+            return Self { least_inductance_h: is_shown.then(least_h), ..self };
         }
         let on_everything = fit(&late.model, &data.with_nothing_held_out(), prior, Effort::FULL);
         Self { selection: Selection { last: late, ..self.selection }, last: on_everything, ..self }

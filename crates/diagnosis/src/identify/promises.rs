@@ -108,9 +108,7 @@ impl Fit {
     /// Expected gain of each effect outside the model (score test; Rao 1948), with its best start.
     pub fn promises(&self, replay: &Replay, scales: &Scales, excluded: &[&str]) -> Promises {
         let fine = self.weighted_residual(replay.data);
-        let base = Base::new(&self.model, replay, Steps::Coarse, &fine);
-        // The sensitivities are computed before the threads start: otherwise they would wait for each other.
-        let test = ScoreTest { base, pull: self.along_own(replay.data, &self.residual) };
+        let test = self.score_test(replay, &fine);
         let candidates: Vec<(usize, Vec<f64>)> = CATALOGUE
             .iter()
             .enumerate()
@@ -140,6 +138,13 @@ impl Fit {
         let mut best: Vec<Promise> = parallel::map(best, |promise| self.refined(&test, scales, promise, least));
         best.sort_by(|a, b| b.gain.total_cmp(&a.gain));
         Promises { alone: best, together }
+    }
+
+    /// `fine`: the weighted residual in fine steps.
+    fn score_test<'a>(&'a self, replay: &'a Replay<'a>, fine: &'a [f64]) -> ScoreTest<'a> {
+        let base = Base::new(&self.model, replay, Steps::Coarse, fine);
+        // The sensitivities are computed before threads start: otherwise they would wait for each other.
+        ScoreTest { base, pull: self.along_own(replay.data, &self.residual) }
     }
 
     /// The best effect beside one of the usual ones, where the two promise more than any alone, and much more than one by one.
@@ -194,8 +199,7 @@ impl Fit {
     pub fn number_stands_out(&self, replay: &Replay, scales: &Scales, wave: &Term) -> f64 {
         let Some(index) = wave.effect.about().number() else { return 0.0 };
         let fine = self.weighted_residual(replay.data);
-        let base = Base::new(&self.model, replay, Steps::Coarse, &fine);
-        let test = ScoreTest { base, pull: self.along_own(replay.data, &self.residual) };
+        let test = self.score_test(replay, &fine);
         let gain = |start: Vec<f64>| self.simulated(&test, wave.effect, &start).0;
         let others = wave.effect.starts(scales).into_iter().filter(|start| start[index] != wave.values[index]);
         let others = parallel::map(others, gain);
